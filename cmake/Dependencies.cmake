@@ -1,0 +1,29 @@
+# Everything from Debian 12; ./dev installs it.
+find_package(PkgConfig REQUIRED)
+find_package(Eigen3 3.4 REQUIRED NO_MODULE)
+find_package(yaml-cpp REQUIRED)
+find_package(OpenCV 4.6 REQUIRED COMPONENTS core imgproc imgcodecs calib3d)
+find_package(Ceres 2.1 REQUIRED)
+find_package(SQLite3 REQUIRED)
+find_package(nlohmann_json REQUIRED)
+find_package(CLI11 REQUIRED)
+find_package(urdfdom REQUIRED)
+find_package(orocos_kdl REQUIRED)
+pkg_check_modules(cairo REQUIRED IMPORTED_TARGET cairo cairo-pdf)
+
+# VISP's package file appends to CMAKE_CXX_FLAGS and carries no include directories in its targets.
+set(servocal_saved_flags "${CMAKE_CXX_FLAGS}")
+find_package(VISP 3.5 REQUIRED visp_core visp_vs visp_visual_features)
+set(CMAKE_CXX_FLAGS "${servocal_saved_flags}")
+set(CMAKE_CXX_STANDARD 17)
+add_library(servocal_visp INTERFACE)
+target_include_directories(servocal_visp SYSTEM INTERFACE ${VISP_INCLUDE_DIRS})
+target_link_libraries(servocal_visp INTERFACE visp_core visp_vs visp_visual_features)
+
+add_library(servocal_kdl INTERFACE)
+target_include_directories(servocal_kdl SYSTEM INTERFACE ${orocos_kdl_INCLUDE_DIRS})
+target_link_libraries(servocal_kdl INTERFACE ${orocos_kdl_LIBRARIES})
+
+if(BUILD_TESTING)
+  find_package(GTest REQUIRED)
+endif()

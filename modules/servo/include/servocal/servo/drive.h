@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "servocal/core/camera_model.h"
+#include "servocal/core/clock.h"
+#include "servocal/core/observation.h"
+#include "servocal/core/pose.h"
+#include "servocal/robot/guard.h"
+
+namespace servocal::servo {
+
+/// What one frame showed of the target.
+struct Sight {
+  Instant stamp{};                      ///< Middle of the exposure.
+  std::vector<Eigen::Vector2d> pixels;  ///< One per target point, same order.
+  Pose<Color, Board> cMo;               ///< Target pose from those pixels and the current camera model.
+};
+
+/// One look through the camera.
+struct Look {
+  std::optional<Instant> frame;  ///< Stamp of the newest frame; nothing if none came in time.
+  std::optional<Sight> sight;    ///< Nothing if that frame does not show the target.
+};
+
+/// The eyes of a servo loop.
+class Observer {
+ public:
+  virtual ~Observer() = default;
+  /// Waits for the next frame until `deadline` and says what it shows.
+  virtual Look look(Instant deadline) = 0;
+};
+
+/// What the loop knows of the cell; all of it may be rough. A camera fixed in the cell watches a target
+/// on the flange.
+struct CellEstimate {
+  CameraModel camera;
+  Pose<EndEffector, Board> eMo;            ///< Mount; up to about 30 degrees wrong is harmless.
+  std::optional<Pose<Base, Color>> bMc;    ///< With it, drive() feeds forward to near the goal.
+};
+
+struct DriveOptions {
+  double gain_far = 3.0;              ///< 1/s; gain of the law far from the goal
+  double gain_near = 1.2;             ///< and near it.
+  double image_margin_px = 25.0;      ///< No target point may come nearer to the image border.
+  double settled_speed_mps = 0.002;   ///< Settled: slower than this,
+  double settled_rate_radps = 0.006;  ///< turning slower than this,
+  double settled_pixel_rate = 0.3;    ///< and pixels moving less than this per frame,
+  Duration settled_for = std::chrono::milliseconds(200);     ///< for so long.
+  double reached_px = 3.0;            ///< RMS error below which a settled drive is kReached, else kPlateau.
+  Duration lost_stop = std::chrono::milliseconds(150);       ///< Zero twist after so long without target,
+  Duration lost_retreat = std::chrono::milliseconds(500);    ///< then back along the path travelled.
+  int lost_tries = 3;                 ///< After so many losses the view is kTargetLost.
+  Duration timeout = std::chrono::seconds(20);
+};
+
+struct DriveOutcome {
+  DriveStatus status = DriveStatus::kStopped;
+  std::string reason;                 ///< A sentence for the operator.
+  std::optional<Sight> last;          ///< The last sight of the target.
+  double error_px = 0.0;              ///< RMS distance to the goal's pixels at the end.
+  int frames = 0;                     ///< Frames looked at.
+  int losses = 0;                     ///< Times the target was lost on the way.
+  Duration elapsed{};
+};
+
+/// Drives the target to a wanted pose in the image: an image-based visual servo.
+///
+/// Control law (eye-to-hand, twist of e in e, eJe = I6):
+///   v_e = +lambda (L cVe)^+ (s - s*),  s the normalized undistorted target points, cVe = Ad(cMe),
+/// with L the mean of current and desired interaction matrix, depths from the current target pose.
+/// With bMc known, a feed-forward move brings the target near the goal first; the camera keeps watching.
+/// Ends when the motion has settled, never on an absolute error; every cycle obeys the image border, and
+/// the guard. Ends with the arm at rest, whatever the outcome.
+///
+/// Source: Chaumette & Hutchinson, "Visual Servo Control, Part I", IEEE RAM 13(4), 2006, eq. (5), and
+/// Part II, 14(1), 2007 (eye-to-hand); ViSP's vpServo, EYETOHAND_L_cVe_eJe.
+///
+/// @param points_o target points in o, m; at least four, not all on a line.
+/// @throws std::invalid_argument for a non-finite goal or too few points.
+/// @throws Error (kHardwareAbsent, kSafetyStop) from the devices.
+[[nodiscard]] DriveOutcome drive(robot::Guard& guard, Clock& clock, Observer& observer,
+                                 const std::vector<Eigen::Vector3d>& points_o,
+                                 const Pose<Color, Board>& cdMo, const CellEstimate& cell,
+                                 const DriveOptions& options = {});
+
+/// Moves the flange straight to a pose known from the robot alone (interpolated position and rotation),
+/// while the guard watches; for probing motions and returns. Ends at rest.
+[[nodiscard]] DriveOutcome moveTo(robot::Guard& guard, Clock& clock, const Pose<Base, EndEffector>& bMe,
+                                  Duration timeout = std::chrono::seconds(20));
+
+}  // namespace servocal::servo

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <opencv2/core/mat.hpp>
+#include <string>
+#include <vector>
+
+#include "servocal/core/observation.h"
+#include "servocal/core/result.h"
+
+namespace servocal::session {
+
+/// A run on disk: `session.sqlite` for what was observed and decided, `images/*.png`, the cell file, the
+/// result. Everything is durable before the call that stores it returns, and a stored observation never
+/// points to a missing or partial image. The schema is documented in docs/session-format.md.
+class Session {
+ public:
+  /// Makes a new session in `folder` (created; must not hold a session yet) and locks it.
+  /// @throws Error (kBadData) if the folder cannot be written, is locked, or holds a session.
+  static Session create(const std::filesystem::path& folder, const std::string& cell_text,
+                        const BoardSpec& board, std::uint64_t seed);
+  /// Opens a session for reading.
+  /// @throws Error (kBadData) if there is none, or it cannot be read.
+  static Session open(const std::filesystem::path& folder);
+  ~Session();
+  Session(Session&&) noexcept;
+
+  /// Stores images (one per view, in the order of observation.views; an empty one keeps none) and then
+  /// the observation; fills in its id and the views' image_file, and returns it.
+  /// @throws Error (kBadData) if the disk refuses.
+  Observation add(Observation observation, const std::vector<cv::Mat>& images);
+  /// Stores an attempt and returns it with its id.
+  Attempt add(Attempt attempt);
+  /// A line in the session's log.
+  void event(Instant stamp, const std::string& kind, const std::string& message);
+
+  std::vector<Observation> observations() const;
+  std::vector<Attempt> attempts() const;
+  std::string cellText() const;
+  BoardSpec board() const;
+  const std::filesystem::path& folder() const;
+
+ private:
+  struct Impl;
+  explicit Session(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+/// True if the folder holds a session.
+bool isSession(const std::filesystem::path& folder);
+
+/// Writes the result as YAML (".yaml") or JSON (".json"), whole or not at all; docs/result-schema.md.
+/// @throws Error (kBadData) if the file cannot be written.
+void saveResult(const std::filesystem::path& file, const CalibrationResult& result);
+
+}  // namespace servocal::session
