@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "servocal/app/main.h"
+
+#include <iostream>
+
+#include "servocal/core/error.h"
+
+namespace servocal::app {
+namespace {
+
+constexpr const char* kExitCodes =
+    "\nExit codes: 0 goal met, 1 internal error, 2 usage, 3 invalid configuration, 4 finished but goal\n"
+    "not met, 5 hardware absent, 6 safety stop, 7 interrupted, 8 data unreadable or inconsistent, or\n"
+    "disk full, 9 refused to move.";
+
+int exitCode(ErrorKind kind) {
+  switch (kind) {
+    case ErrorKind::kNothingToDo: return kUsage;
+    case ErrorKind::kInvalidConfig: return kInvalidConfig;
+    case ErrorKind::kHardwareAbsent: return kHardwareAbsent;
+    case ErrorKind::kSafetyStop: return kSafetyStop;
+    case ErrorKind::kInterrupted: return kInterrupted;
+    case ErrorKind::kBadData: return kBadData;
+    case ErrorKind::kRefusedToMove: return kRefusedToMove;
+  }
+  return kInternalError;
+}
+
+}  // namespace
+
+int guardedMain(CLI::App& cli, int argc, char** argv, const std::function<int()>& body) {
+  cli.footer(cli.get_footer() + kExitCodes);
+  cli.set_version_flag("--version", SERVOCAL_VERSION);
+  cli.option_defaults()->always_capture_default();
+  try {
+    cli.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return cli.exit(error) == 0 ? kOk : kUsage;
+  }
+  try {
+    return body();
+  } catch (const Error& error) {
+    std::cerr << cli.get_name() << ": " << error.what() << '\n';
+    return exitCode(error.kind());
+  } catch (const std::exception& error) {
+    std::cerr << cli.get_name() << ": internal error: " << error.what() << '\n';
+    return kInternalError;
+  }
+}
+
+}  // namespace servocal::app
