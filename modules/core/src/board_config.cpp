@@ -11,8 +11,9 @@ BoardSpec readBoard(const ConfigReader& section) {
   board.square_size_m = section.number("square_size_m", {0.001, 1.0});
   // Demanded, because a board without the mark read as one with it is simply never found.
   if (!section.has("hollow_corner")) {
-    section.fail("hollow_corner", "missing key 'hollow_corner': true if one corner square of the board is "
-                                  "hollow, false for an ordinary checkerboard");
+    section.fail("hollow_corner",
+                 "missing key 'hollow_corner': true if one corner square of the board is "
+                 "hollow, false for an ordinary checkerboard");
   }
   board.hollow_corner = section.boolean("hollow_corner", true);
   board.hollow_inner_ratio = section.number("hollow_inner_ratio", {0.2, 0.9}, board.hollow_inner_ratio);

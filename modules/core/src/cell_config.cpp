@@ -35,9 +35,9 @@ ArmConfig readArm(const ConfigReader& section, const std::filesystem::path& fold
   const std::size_t joints = arm.urdf == "ur5" ? 6 : 0;  // 0: any; the URDF's chain decides later.
   const std::vector<double> start_q_deg = section.numbers("start_q_deg", joints, {-360.0, 360.0});
   if (start_q_deg.empty()) section.fail("start_q_deg", "'start_q_deg' must name every joint of the arm");
-  arm.start_q = Eigen::Map<const Eigen::VectorXd>(start_q_deg.data(),
-                                                  static_cast<Eigen::Index>(start_q_deg.size())) *
-                kRadPerDeg;
+  arm.start_q =
+      Eigen::Map<const Eigen::VectorXd>(start_q_deg.data(), static_cast<Eigen::Index>(start_q_deg.size())) *
+      kRadPerDeg;
   arm.accuracy_m = section.number("accuracy_m", {1e-6, 0.05}, arm.accuracy_m);
   arm.accuracy_rad = section.number("accuracy_deg", {1e-5, 5.0}, arm.accuracy_rad / kRadPerDeg) * kRadPerDeg;
   section.finish();

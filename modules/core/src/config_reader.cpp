@@ -86,8 +86,8 @@ struct ConfigReader::Impl {
       const int key_line = lineOf(item.first);
       for (const Entry& entry : impl->entries) {
         if (entry.key == key) {
-          impl->failAt(key_line, "key " + inQuotes(key) + " was already given in line " +
-                                     std::to_string(entry.line));
+          impl->failAt(key_line,
+                       "key " + inQuotes(key) + " was already given in line " + std::to_string(entry.line));
         }
       }
       impl->entries.push_back({key, key_line, item.second});
@@ -123,8 +123,8 @@ struct ConfigReader::Impl {
     if (nearest != nullptr && isNear(entry.key, *nearest)) {
       message += "; did you mean " + inQuotes(*nearest) + "?";
     } else {
-      message += inPath() + "; valid keys here: " +
-                 joined(std::vector<std::string>(known.begin(), known.end()));
+      message +=
+          inPath() + "; valid keys here: " + joined(std::vector<std::string>(known.begin(), known.end()));
     }
     failAt(entry.line, message);
   }
@@ -143,7 +143,8 @@ struct ConfigReader::Impl {
     // YAML writes .nan and .inf; from_chars knows nan and inf.
     std::string plain = text;
     plain.erase(std::remove(plain.begin(), plain.end(), '.'), plain.end());
-    std::transform(plain.begin(), plain.end(), plain.begin(), [](unsigned char c) { return std::tolower(c); });
+    std::transform(plain.begin(), plain.end(), plain.begin(),
+                   [](unsigned char c) { return std::tolower(c); });
     const bool names_non_finite = plain == "nan" || plain == "inf" || plain == "-inf";
     double value = std::numeric_limits<double>::quiet_NaN();
     if (!names_non_finite) {
@@ -155,8 +156,8 @@ struct ConfigReader::Impl {
       if (error == std::errc::result_out_of_range) value = std::numeric_limits<double>::infinity();
     }
     if (!std::isfinite(value)) {
-      failAt(entry.line, inQuotes(entry.key) + " must be finite, not " + shown(node) + " (allowed: " +
-                             allowed(range) + ")");
+      failAt(entry.line, inQuotes(entry.key) + " must be finite, not " + shown(node) +
+                             " (allowed: " + allowed(range) + ")");
     }
     if (value < range.min || value > range.max) {
       failAt(entry.line, inQuotes(entry.key) + " is " + text + ", allowed: " + allowed(range));

@@ -62,8 +62,8 @@ SimulationConfig readSimulation(const ConfigReader& section, const std::vector<C
   simulation.accuracy_m = section.number("accuracy_m", {0.0, 0.1}, simulation.accuracy_m);
   simulation.max_joint_speed_radps =
       section.number("max_joint_speed_radps", {0.01, 20.0}, simulation.max_joint_speed_radps);
-  simulation.max_joint_acceleration_radps2 =
-      section.number("max_joint_acceleration_radps2", {0.1, 1000.0}, simulation.max_joint_acceleration_radps2);
+  simulation.max_joint_acceleration_radps2 = section.number("max_joint_acceleration_radps2", {0.1, 1000.0},
+                                                            simulation.max_joint_acceleration_radps2);
   simulation.light_gradient = section.number("light_gradient", {0.0, 0.95}, simulation.light_gradient);
   simulation.specular = section.number("specular", {0.0, 1.0}, simulation.specular);
   simulation.clutter = section.boolean("clutter", simulation.clutter);

@@ -61,7 +61,8 @@ bool Statement::isNull(int column) const { return sqlite3_column_type(statement_
 std::int64_t Statement::integer(int column) const { return sqlite3_column_int64(statement_, column); }
 
 double Statement::number(int column) const {
-  return isNull(column) ? std::numeric_limits<double>::quiet_NaN() : sqlite3_column_double(statement_, column);
+  return isNull(column) ? std::numeric_limits<double>::quiet_NaN()
+                        : sqlite3_column_double(statement_, column);
 }
 
 std::string Statement::text(int column) const {

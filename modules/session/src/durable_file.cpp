@@ -60,7 +60,8 @@ void writeWhole(const fs::path& file, const void* data, std::size_t size) {
 }
 
 void syncFolder(const fs::path& folder) {
-  const Descriptor descriptor{::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)};
+  const Descriptor descriptor{
+      ::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)};
   // Some network file systems cannot sync a folder (EINVAL); they order names by themselves.
   if (descriptor.value < 0 || (::fsync(descriptor.value) != 0 && errno != EINVAL)) {
     refuse("cannot write to folder '" + folder.string() + "'", errno);

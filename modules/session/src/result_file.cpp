@@ -30,9 +30,12 @@ Json matrix(const Eigen::MatrixXd& values) {
 }
 
 Json boardTree(const BoardSpec& board) {
-  return {{"squares_x", board.squares_x},         {"squares_y", board.squares_y},
-          {"square_size_m", board.square_size_m}, {"hollow_corner", board.hollow_corner},
-          {"hollow_inner_ratio", board.hollow_inner_ratio}, {"margin_m", board.margin_m}};
+  return {{"squares_x", board.squares_x},
+          {"squares_y", board.squares_y},
+          {"square_size_m", board.square_size_m},
+          {"hollow_corner", board.hollow_corner},
+          {"hollow_inner_ratio", board.hollow_inner_ratio},
+          {"margin_m", board.margin_m}};
 }
 
 Json viewsTree(const std::vector<ViewResidual>& views) {
@@ -119,7 +122,8 @@ Json coverageTree(const CoverageSummary& coverage) {
                {"near_views", coverage.near_views},
                {"far_views", coverage.far_views},
                {"tilt_bins", Json::array()}};
-  for (const auto& [bin, views] : coverage.tilt_bins) tree["tilt_bins"].push_back({{"bin", bin}, {"views", views}});
+  for (const auto& [bin, views] : coverage.tilt_bins)
+    tree["tilt_bins"].push_back({{"bin", bin}, {"views", views}});
   return tree;
 }
 
@@ -166,7 +170,8 @@ void saveResult(const std::filesystem::path& file, const CalibrationResult& resu
   } else if (file.extension() == ".yaml" || file.extension() == ".yml") {
     text = "# servocal calibration; docs/result-schema.md explains every key.\n" + toYaml(resultTree(result));
   } else {
-    throw std::invalid_argument("a result file ends in .yaml or .json, not '" + file.extension().string() + "'");
+    throw std::invalid_argument("a result file ends in .yaml or .json, not '" + file.extension().string() +
+                                "'");
   }
   const std::filesystem::path folder = std::filesystem::absolute(file).parent_path();
   makeFolder(folder);

@@ -48,7 +48,8 @@ Enum fromName(const std::string& name, int count) {
   for (int value = 0; value < count; ++value) {
     if (name == toString(static_cast<Enum>(value))) return static_cast<Enum>(value);
   }
-  throw Error(ErrorKind::kBadData, "the session names an unknown '" + name + "'; it is damaged or of a newer version");
+  throw Error(ErrorKind::kBadData,
+              "the session names an unknown '" + name + "'; it is damaged or of a newer version");
 }
 
 RobotState robotState(const Statement& row) {
@@ -58,7 +59,8 @@ RobotState robotState(const Statement& row) {
   robot.q = toVector(row.text(4));
   robot.bMe = toPose<Base, EndEffector>(row.text(5));
   const Eigen::VectorXd twist = toVector(row.text(6));
-  if (twist.size() != 6) throw Error(ErrorKind::kBadData, "the session holds a twist of other than 6 numbers");
+  if (twist.size() != 6)
+    throw Error(ErrorKind::kBadData, "the session holds a twist of other than 6 numbers");
   robot.twist = {twist.head<3>(), twist.tail<3>()};
   return robot;
 }
@@ -150,7 +152,8 @@ std::vector<Observation> selectObservations(const Database& database) {
       view.image_file = views.text(9);
       view.detection.corners = selectCorners(corners, views.integer(0));
       const auto owner = index_of.find(views.integer(1));
-      if (owner == index_of.end()) throw Error(ErrorKind::kBadData, "the session holds a view of no observation");
+      if (owner == index_of.end())
+        throw Error(ErrorKind::kBadData, "the session holds a view of no observation");
       observations[owner->second].views.push_back(std::move(view));
     }
     return observations;

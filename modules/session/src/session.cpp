@@ -40,7 +40,8 @@ std::string imageName(std::int64_t id, const StreamObservation& view) {
 
 void checkFinite(const Observation& observation) {
   const auto refuse = [&](const char* what) {
-    throw std::invalid_argument("observation of stage '" + observation.stage + "': " + what + " is not finite");
+    throw std::invalid_argument("observation of stage '" + observation.stage + "': " + what +
+                                " is not finite");
   };
   if (const auto& robot = observation.robot) {
     if (!robot->bMe.isFinite()) refuse("bMe");
@@ -98,7 +99,8 @@ Session Session::create(const fs::path& folder, const std::string& cell_text, co
   const Database& database = *impl->database;
   // A file without tables is left over from a program that died while making it; it holds nothing.
   if (hasTables(database)) {
-    throw Error(ErrorKind::kBadData, "folder '" + folder.string() + "' already holds a session; choose another one");
+    throw Error(ErrorKind::kBadData,
+                "folder '" + folder.string() + "' already holds a session; choose another one");
   }
   database.execute("PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON;");
   Transaction transaction(database);
@@ -125,8 +127,8 @@ Session Session::open(const fs::path& folder) {
   impl->folder = folder;
   impl->database = std::make_unique<Database>(databaseFile(folder), Database::Access::kRead);
   if (!hasTables(*impl->database)) {
-    throw Error(ErrorKind::kBadData,
-                "session '" + folder.string() + "' is empty: its program ended before it could store anything");
+    throw Error(ErrorKind::kBadData, "session '" + folder.string() +
+                                         "' is empty: its program ended before it could store anything");
   }
   const double version = impl->number("schema_version");
   if (version != kSchemaVersion) {

@@ -24,9 +24,10 @@ TEST(BoardFile, ReadsAnOrdinaryCheckerboard) {
 }
 
 TEST(BoardFile, HollowCornerNeedsOddByOdd) {
-  EXPECT_EQ(refusal("squares_x: 8\nsquares_y: 5\nsquare_size_m: 0.03\nhollow_corner: true\n"),
-            "board.yaml:4: a board with a hollow corner needs an odd number of squares each way, not 8 x 5; for "
-            "an ordinary checkerboard say hollow_corner: false");
+  EXPECT_EQ(
+      refusal("squares_x: 8\nsquares_y: 5\nsquare_size_m: 0.03\nhollow_corner: true\n"),
+      "board.yaml:4: a board with a hollow corner needs an odd number of squares each way, not 8 x 5; for "
+      "an ordinary checkerboard say hollow_corner: false");
 }
 
 TEST(BoardFile, MillimetresAreRefusedByTheRange) {
@@ -35,7 +36,8 @@ TEST(BoardFile, MillimetresAreRefusedByTheRange) {
 }
 
 TEST(BoardFile, MarkMustBeStated) {
-  test::expectPart(refusal("squares_x: 7\nsquares_y: 5\nsquare_size_m: 0.03\n"), "missing key 'hollow_corner'");
+  test::expectPart(refusal("squares_x: 7\nsquares_y: 5\nsquare_size_m: 0.03\n"),
+                   "missing key 'hollow_corner'");
 }
 
 }  // namespace

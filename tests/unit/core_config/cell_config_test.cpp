@@ -18,8 +18,9 @@ using test::expectPart;
 class CellFile : public ::testing::Test {
  protected:
   void SetUp() override {
-    folder_ = std::filesystem::temp_directory_path() /
-              ("servocal_cell_" + std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()));
+    folder_ =
+        std::filesystem::temp_directory_path() /
+        ("servocal_cell_" + std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()));
     std::filesystem::create_directories(folder_);
   }
   void TearDown() override { std::filesystem::remove_all(folder_); }
@@ -30,8 +31,7 @@ class CellFile : public ::testing::Test {
   }
   /// The refusal of the default cell with `from` replaced by `to`, without the folder's name.
   std::string refusal(const std::string& from, const std::string& to) const {
-    const std::string message =
-        test::messageOf(ErrorKind::kInvalidConfig, [&] { load(changed(from, to)); });
+    const std::string message = test::messageOf(ErrorKind::kInvalidConfig, [&] { load(changed(from, to)); });
     const std::string prefix = folder_.string() + "/";
     EXPECT_EQ(message.substr(0, prefix.size()), prefix) << message;
     return message.substr(std::min(prefix.size(), message.size()));
@@ -90,7 +90,8 @@ TEST_F(CellFile, MisspelledKeys) {
             at("coverage:\n") + "unknown key 'coverge'; did you mean 'coverage'?");
   EXPECT_EQ(refusal("start_q_deg", "start_q_rad"),
             at("start_q_deg") + "unknown key 'start_q_rad'; did you mean 'start_q_deg'?");
-  EXPECT_EQ(refusal("specular", "speculiar"), at("specular") + "unknown key 'speculiar'; did you mean 'specular'?");
+  EXPECT_EQ(refusal("specular", "speculiar"),
+            at("specular") + "unknown key 'speculiar'; did you mean 'specular'?");
 }
 
 TEST_F(CellFile, ValuesOutOfRange) {
@@ -114,17 +115,20 @@ TEST_F(CellFile, BoxesAreNotInsideOut) {
 }
 
 TEST_F(CellFile, CamerasAreNamedOnceAndSimulatedOnce) {
-  expectPart(refusal("cameras:\n  - name: cam1\n", "cameras:\n  - {name: cam1, backend: sim, width_px: 640, "
-                                                   "height_px: 480, horizontal_fov_deg: 60}\n  - name: cam1\n"),
+  expectPart(refusal("cameras:\n  - name: cam1\n",
+                     "cameras:\n  - {name: cam1, backend: sim, width_px: 640, "
+                     "height_px: 480, horizontal_fov_deg: 60}\n  - name: cam1\n"),
              "camera 'cam1' is there twice; names must differ");
   EXPECT_EQ(refusal("    - name: cam1", "    - name: cam7"),
             at("    - name: cam1") + "the cell has no camera 'cam7'; it has: cam1");
-  expectPart(refusal("cameras:\n  - name: cam1\n", "cameras:\n  - {name: cam2, backend: sim, width_px: 640, "
-                                                   "height_px: 480, horizontal_fov_deg: 60}\n  - name: cam1\n"),
+  expectPart(refusal("cameras:\n  - name: cam1\n",
+                     "cameras:\n  - {name: cam2, backend: sim, width_px: 640, "
+                     "height_px: 480, horizontal_fov_deg: 60}\n  - name: cam1\n"),
              "camera 'cam2' has the backend 'sim' but is missing in 'simulation.cameras'");
   const std::string text = defaultCell().text;
   const std::size_t from = text.find("cameras:\n"), to = text.find("coverage:\n");
-  expectPart(refusal(text.substr(from, to - from), "cameras: []\n"), "'cameras' must list at least one camera");
+  expectPart(refusal(text.substr(from, to - from), "cameras: []\n"),
+             "'cameras' must list at least one camera");
 }
 
 TEST_F(CellFile, SimulationIsDemandedBySimulatedBackends) {
@@ -134,7 +138,8 @@ TEST_F(CellFile, SimulationIsDemandedBySimulatedBackends) {
 }
 
 TEST_F(CellFile, UrdfIsRelativeToTheCellFile) {
-  EXPECT_EQ(load(changed("urdf: ur5 ", "urdf: robots/my.urdf ")).arm.urdf, (folder_ / "robots/my.urdf").string());
+  EXPECT_EQ(load(changed("urdf: ur5 ", "urdf: robots/my.urdf ")).arm.urdf,
+            (folder_ / "robots/my.urdf").string());
 }
 
 }  // namespace

@@ -41,7 +41,9 @@ TEST(ConfigReader, FallbacksApplyOnlyToAbsentKeys) {
   EXPECT_EQ(reader.text("word", "w"), "w");
   EXPECT_EQ(reader.choice("mode", {"a", "b"}, 1), 1u);
   EXPECT_EQ(reader.numbers("list", 2, {}, {1, 2}).size(), 2u);
-  EXPECT_EQ(refusal([&] { reader.number("speed_mps", {0, 1}, 0.5); }),
+  EXPECT_EQ(refusal([&] {
+              reader.number("speed_mps", {0, 1}, 0.5);
+            }),
             "x.yaml:1: 'speed_mps' is 3, allowed: 0 to 1");
 }
 
@@ -49,12 +51,15 @@ TEST(ConfigReader, UnknownKeyNamesLineAndNearest) {
   const ConfigReader reader = read("# comment\nname: a\n\nspede_mps: 0.2\n");
   reader.text("name");
   reader.number("speed_mps", {0, 1}, 0.1);
-  EXPECT_EQ(refusal([&] { reader.finish(); }), "x.yaml:4: unknown key 'spede_mps'; did you mean 'speed_mps'?");
+  EXPECT_EQ(refusal([&] { reader.finish(); }),
+            "x.yaml:4: unknown key 'spede_mps'; did you mean 'speed_mps'?");
 }
 
 TEST(ConfigReader, KeyWithoutItsUnitIsRecognized) {
   const ConfigReader reader = read("square_size: 0.03\n");
-  EXPECT_EQ(refusal([&] { reader.number("square_size_m", {0, 1}); }),
+  EXPECT_EQ(refusal([&] {
+              reader.number("square_size_m", {0, 1});
+            }),
             "x.yaml:1: unknown key 'square_size'; did you mean 'square_size_m'?");
 }
 
@@ -62,7 +67,8 @@ TEST(ConfigReader, UnknownKeyFarFromAllListsThem) {
   const ConfigReader reader = read("color: red\n");
   reader.has("speed_mps");
   reader.has("name");
-  EXPECT_EQ(refusal([&] { reader.finish(); }), "x.yaml:1: unknown key 'color'; valid keys here: name, speed_mps");
+  EXPECT_EQ(refusal([&] { reader.finish(); }),
+            "x.yaml:1: unknown key 'color'; valid keys here: name, speed_mps");
 }
 
 TEST(ConfigReader, MissingKeyNamesItsSection) {
@@ -73,7 +79,8 @@ TEST(ConfigReader, MissingKeyNamesItsSection) {
 }
 
 TEST(ConfigReader, WrongTypesNameLineAndValue) {
-  const ConfigReader reader = read("a: fast\nb: [1]\nc: 2.5\nd: yes\ne: 3\nf: {x: 1}\ng:\nh: \"3\"\ni: [1, x]\n");
+  const ConfigReader reader =
+      read("a: fast\nb: [1]\nc: 2.5\nd: yes\ne: 3\nf: {x: 1}\ng:\nh: \"3\"\ni: [1, x]\n");
   EXPECT_EQ(refusal([&] { reader.number("a", {}); }), "x.yaml:1: 'a' must be a number, not 'fast'");
   EXPECT_EQ(refusal([&] { reader.number("b", {}); }), "x.yaml:2: 'b' must be a number, not a list of 1");
   EXPECT_EQ(refusal([&] { reader.integer("c", {}); }), "x.yaml:3: 'c' must be a whole number, not '2.5'");
@@ -87,14 +94,19 @@ TEST(ConfigReader, WrongTypesNameLineAndValue) {
             "x.yaml:9: 'i' must be a list of 2 numbers, not 'x'");
   EXPECT_EQ(refusal([&] { reader.numbers("i", 3, {}); }),
             "x.yaml:9: 'i' must be a list of 3 numbers, not a list of 2");
-  EXPECT_EQ(refusal([&] { reader.choice("a", {"slow", "quick"}); }),
+  EXPECT_EQ(refusal([&] {
+              reader.choice("a", {"slow", "quick"});
+            }),
             "x.yaml:1: 'a' is 'fast', allowed: slow, quick");
 }
 
 TEST(ConfigReader, OutOfRangeNamesTheRange) {
   const ConfigReader reader = read("a: 3\nb: -1\nc: 99999999999\nd: [1, 200]\n");
   EXPECT_EQ(refusal([&] { reader.number("a", {0.5, 1.5}); }), "x.yaml:1: 'a' is 3, allowed: 0.5 to 1.5");
-  EXPECT_EQ(refusal([&] { reader.number("b", {0, Range{}.max}); }), "x.yaml:2: 'b' is -1, allowed: at least 0");
+  EXPECT_EQ(refusal([&] {
+              reader.number("b", {0, Range{}.max});
+            }),
+            "x.yaml:2: 'b' is -1, allowed: at least 0");
   expectPart(refusal([&] { reader.integer("c", {}); }), "x.yaml:3: 'c' is 99999999999, allowed: ");
   EXPECT_EQ(refusal([&] { reader.numbers("d", 2, {0, 100}); }), "x.yaml:4: 'd' is 200, allowed: 0 to 100");
 }
@@ -119,7 +131,8 @@ TEST(ConfigReader, MalformedYamlNamesItsLine) {
 TEST(ConfigReader, UnreadableFileNamesCause) {
   EXPECT_EQ(refusal([] { ConfigReader::fromFile("/nowhere/cell.yaml"); }),
             "cannot read '/nowhere/cell.yaml': there is no such file");
-  expectPart(refusal([] { ConfigReader::fromFile(std::filesystem::temp_directory_path()); }), "it is a folder");
+  expectPart(refusal([] { ConfigReader::fromFile(std::filesystem::temp_directory_path()); }),
+             "it is a folder");
 }
 
 TEST(ConfigReader, SectionsOfAListKnowTheirLines) {

@@ -216,7 +216,8 @@ TEST(Session, DiesAtAnyMomentAndStillOpens) {
       std::mt19937_64 random(3);
       Session session = Session::create(folder / "run", "", BoardSpec{}, 1);
       for (;;) {
-        const std::int64_t id = session.add(randomObservation(random, true), {noiseImage(1), noiseImage(2)}).id;
+        const std::int64_t id =
+            session.add(randomObservation(random, true), {noiseImage(1), noiseImage(2)}).id;
         if (write(reported[1], &id, sizeof id) != sizeof id) _exit(1);
       }
     }
@@ -293,7 +294,8 @@ TEST(Session, DamagedSessionsAreRefused) {
     sqlite3_close(handle);
   };
   change("UPDATE observation SET bMe = '[[1'");
-  expectPart(messageOf(ErrorKind::kBadData, [&] { Session::open(folder / "run").observations(); }), "damaged");
+  expectPart(messageOf(ErrorKind::kBadData, [&] { Session::open(folder / "run").observations(); }),
+             "damaged");
   change("UPDATE meta SET value = 99 WHERE key = 'schema_version'");
   expectPart(messageOf(ErrorKind::kBadData, [&] { Session::open(folder / "run"); }), "schema version 99");
 }
@@ -306,7 +308,8 @@ TEST(Session, HalfWrittenImageIsIgnored) {
   folder.write("run/images/000001_cam1_color.png.tmp", "half");
   EXPECT_TRUE(session.observations().empty());
   const Observation stored = session.add(randomObservation(random, true), {noiseImage(1), cv::Mat()});
-  const cv::Mat image = cv::imread((folder / "run" / stored.views[0].image_file).string(), cv::IMREAD_UNCHANGED);
+  const cv::Mat image =
+      cv::imread((folder / "run" / stored.views[0].image_file).string(), cv::IMREAD_UNCHANGED);
   EXPECT_EQ(cv::norm(image, noiseImage(1), cv::NORM_INF), 0.0);
   EXPECT_FALSE(std::filesystem::exists(folder / "run/images/000001_cam1_color.png.tmp"));
 }
@@ -324,7 +327,7 @@ TEST(Session, ReadOnlyFolderRefusesWritersAndServesReaders) {
   std::mt19937_64 random(6);
   { Session::create(folder / "run", "", BoardSpec{}, 1).add(randomObservation(random, true), {}); }
   namespace fs = std::filesystem;
-  fs::permissions(folder.path(), fs::perms::others_read | fs::perms::others_exec, fs::perm_options::add);
+  fs::permissions(folder.path(), static_cast<fs::perms>(0755));
   for (const char* name : {"run", "run/images"}) {
     fs::permissions(folder / name, static_cast<fs::perms>(0555));
   }
