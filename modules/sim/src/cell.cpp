@@ -29,6 +29,14 @@ const SimulatedCameraConfig& counterpart(const SimulationConfig& simulation, con
   if (found == simulation.cameras.end()) {
     throw std::invalid_argument("sim::Cell: camera '" + camera.name + "' has no entry under simulation");
   }
+  const bool sound = camera.width_px >= 64 && camera.width_px <= SensorNoise::kMaxWidthPx &&
+                     camera.height_px >= 64 && found->rate_hz > 0.0 && found->exposure_s >= 0.0 &&
+                     found->latency_s >= 0.0 && found->focal_px > 0.0 && found->focus_distance_m > 0.0;
+  if (!sound) {
+    throw std::invalid_argument("sim::Cell: camera '" + camera.name +
+                                "' needs a size of 64 to 4096 px, a rate, a focal length and a focus distance "
+                                "above zero, and no negative exposure or latency");
+  }
   return *found;
 }
 
