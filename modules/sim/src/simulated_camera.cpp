@@ -116,7 +116,8 @@ std::vector<Capsule> SimulatedCamera::armLinks(Instant instant) const {
   constexpr double kGray[] = {60.0, 150.0, 140.0, 60.0, 70.0, 50.0};
   std::vector<Capsule> links;
   for (int i = 0; i < 6; ++i) {
-    links.push_back({cMb * frames[i].translation(), cMb * frames[i + 1].translation(), kRadiusM[i], kGray[i]});
+    links.push_back(
+        {cMb * frames[i].translation(), cMb * frames[i + 1].translation(), kRadiusM[i], kGray[i]});
   }
   links.push_back({cMb * frames[6].translation(), cMb * (frames[6] * eMo_.translation()), 0.02, 45.0});
   return links;

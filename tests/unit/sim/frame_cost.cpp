@@ -18,7 +18,8 @@ double cpuMs() { return 1e3 * static_cast<double>(std::clock()) / CLOCKS_PER_SEC
 
 double boardShare(const std::vector<Eigen::Vector2d>& corners) {  // Corners of 5 x 3 of 8 x 6 squares.
   const Eigen::Vector2d right = corners[5] - corners[0], down = corners[18] - corners[0];
-  return std::abs(right.x() * down.y() - right.y() * down.x()) * (8.0 * 6.0) / (5.0 * 3.0) / (1920.0 * 1080.0);
+  const double grid_px2 = std::abs(right.x() * down.y() - right.y() * down.x());
+  return grid_px2 * (8.0 * 6.0) / (5.0 * 3.0) / (1920.0 * 1080.0);
 }
 
 void report(sim::Cell& cell, const char* name, const Twist<Base>& twist, int frames) {
