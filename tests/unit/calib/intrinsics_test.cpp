@@ -83,7 +83,8 @@ Reference calibrateWithOpenCv(const test::Scene& scene, LensModel lens = LensMod
   return reference;
 }
 
-// OpenCV takes the corners in single precision (about 3e-5 px here): it cannot agree better than that.
+// OpenCV takes corners and board in single precision; both are rounded for us too where that is possible
+// (corners), and what is left (board points to 2e-9 m) is far below the noise.
 void roundToFloat(test::Scene& scene) {
   for (Observation& observation : scene.observations) {
     for (Corner& corner : observation.views[0].detection.corners) {
@@ -99,7 +100,8 @@ TEST(SolveIntrinsics, ReachesTheOptimumOfCalibrateCamera) {
     const Reference reference = calibrateWithOpenCv(scene);
     const IntrinsicsOutcome outcome = solve(scene);
     ASSERT_EQ(outcome.status, IntrinsicsStatus::kSolved) << toString(outcome.status);
-    EXPECT_NEAR(outcome.result->rms_px, reference.rms_px, 1e-6 * reference.rms_px);
+    EXPECT_NEAR(outcome.result->rms_px, reference.rms_px, 1e-5 * reference.rms_px);
+    EXPECT_LT(outcome.result->rms_px, reference.rms_px * (1 + 1e-7));
     for (Eigen::Index i = 0; i < reference.parameters.size(); ++i) {
       EXPECT_NEAR(outcome.result->camera.parameters[i], reference.parameters[i], 0.02 * outcome.result->sigma[i])
           << parameterNames(LensModel::kPlumbBob)[i];
