@@ -83,8 +83,8 @@ Reference calibrateWithOpenCv(const test::Scene& scene, LensModel lens = LensMod
   return reference;
 }
 
-// OpenCV takes corners and board in single precision; both are rounded for us too where that is possible
-// (corners), and what is left (board points to 2e-9 m) is far below the noise.
+// OpenCV takes corners and board in single precision. With both exactly representable (a square of 2^-5 m,
+// corners rounded), the two solve one and the same problem.
 void roundToFloat(test::Scene& scene) {
   for (Observation& observation : scene.observations) {
     for (Corner& corner : observation.views[0].detection.corners) {
@@ -95,15 +95,19 @@ void roundToFloat(test::Scene& scene) {
 
 TEST(SolveIntrinsics, ReachesTheOptimumOfCalibrateCamera) {
   for (std::uint64_t seed = 1; seed <= 4; ++seed) {
-    test::Scene scene = noisyScene(seed, 20, 0.2);
+    test::SceneOptions options;
+    options.views = 20;
+    options.noise.corner_px = 0.2;
+    BoardSpec board;
+    board.square_size_m = 0.03125;
+    test::Scene scene = test::makeScene(seed, options, test::hdCamera(), board);
     roundToFloat(scene);
     const Reference reference = calibrateWithOpenCv(scene);
     const IntrinsicsOutcome outcome = solve(scene);
     ASSERT_EQ(outcome.status, IntrinsicsStatus::kSolved) << toString(outcome.status);
-    EXPECT_NEAR(outcome.result->rms_px, reference.rms_px, 1e-5 * reference.rms_px);
-    EXPECT_LT(outcome.result->rms_px, reference.rms_px * (1 + 1e-7));
+    EXPECT_NEAR(outcome.result->rms_px, reference.rms_px, 1e-8 * reference.rms_px);
     for (Eigen::Index i = 0; i < reference.parameters.size(); ++i) {
-      EXPECT_NEAR(outcome.result->camera.parameters[i], reference.parameters[i], 0.02 * outcome.result->sigma[i])
+      EXPECT_NEAR(outcome.result->camera.parameters[i], reference.parameters[i], 1e-3 * outcome.result->sigma[i])
           << parameterNames(LensModel::kPlumbBob)[i];
     }
   }
