@@ -84,11 +84,11 @@ Reference calibrateWithOpenCv(const test::Scene& scene, LensModel lens = LensMod
 }
 
 // OpenCV takes corners and board in single precision. With both exactly representable (a square of 2^-5 m,
-// corners rounded), the two solve one and the same problem.
-void roundToFloat(test::Scene& scene) {
+// corners on a grid of 2^-10 px), the two solve one and the same problem.
+void roundToSinglePrecision(test::Scene& scene) {
   for (Observation& observation : scene.observations) {
     for (Corner& corner : observation.views[0].detection.corners) {
-      corner.pixel = corner.pixel.cast<float>().cast<double>();
+      corner.pixel = (corner.pixel * 1024.0).array().round() / 1024.0;
     }
   }
 }
@@ -101,7 +101,7 @@ TEST(SolveIntrinsics, ReachesTheOptimumOfCalibrateCamera) {
     BoardSpec board;
     board.square_size_m = 0.03125;
     test::Scene scene = test::makeScene(seed, options, test::hdCamera(), board);
-    roundToFloat(scene);
+    roundToSinglePrecision(scene);
     const Reference reference = calibrateWithOpenCv(scene);
     const IntrinsicsOutcome outcome = solve(scene);
     ASSERT_EQ(outcome.status, IntrinsicsStatus::kSolved) << toString(outcome.status);
