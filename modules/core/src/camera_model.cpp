@@ -114,7 +114,7 @@ CameraModel CameraModel::fromFieldOfView(int width_px, int height_px, double hor
 
 std::optional<Eigen::Vector2d> CameraModel::project(const Eigen::Vector3d& point_c) const {
   if (!(point_c.z() > kMinDepthM)) return std::nullopt;
-  const Eigen::Vector2d normalized = point_c.head<2>() / point_c.z();
+  const Eigen::Vector2d normalized = point_c.head<2>() * (1.0 / point_c.z());
   if (!insideFold(parameters, normalized)) return std::nullopt;
   const Eigen::Vector2d distorted = distort(parameters, normalized).point;
   return Eigen::Vector2d(parameters.head<2>().cwiseProduct(distorted) + parameters.segment<2>(2));
