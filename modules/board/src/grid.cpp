@@ -53,6 +53,23 @@ Vector2d spacing(const Eigen::Matrix2d& axes) {
   return {area / axes.col(0).norm(), area / axes.col(1).norm()};
 }
 
+// Nodes on a line from (i, j) in steps of (di, dj) that continue the squares inside by a whole square;
+// (oi, oj) points outwards.
+int countLine(const Lattice& lattice, int i, int j, int di, int dj, int length, int oi, int oj) {
+  int count = 0;
+  for (int k = 0; k < length; ++k, i += di, j += dj) {
+    const auto outer = lattice.nodes.find({i, j});
+    const auto near = lattice.nodes.find({i - oi, j - oj});
+    const auto far = lattice.nodes.find({i - 2 * oi, j - 2 * oj});
+    const auto none = lattice.nodes.end();
+    if (outer == none || near == none || far == none) continue;
+    const Eigen::Vector2f last = near->second.pixel - far->second.pixel;
+    const Eigen::Vector2f next = outer->second.pixel - near->second.pixel;
+    if ((next - last).norm() < 0.3f * last.norm()) ++count;
+  }
+  return count;
+}
+
 // True if no corner is off the smooth surface through all of them.
 bool isSmooth(const Grid& grid) {
   double largest = 0.0, cell = 0.0;
@@ -107,8 +124,10 @@ std::vector<Placement> findPlacements(const Lattice& lattice, const BoardSpec& b
         if (placement.present * 10 < columns * rows * 7 || placement.present < 4) continue;
         // More than half a line beyond a side: the board is larger.
         const int i1 = i0 + columns, j1 = j0 + rows;
-        if (2 * countIn(i0 - 1, i0, j0, j1) > rows || 2 * countIn(i1, i1 + 1, j0, j1) > rows) continue;
-        if (2 * countIn(i0, i1, j0 - 1, j0) > columns || 2 * countIn(i0, i1, j1, j1 + 1) > columns) continue;
+        if (2 * countLine(lattice, i0 - 1, j0, 0, 1, rows, -1, 0) > rows) continue;
+        if (2 * countLine(lattice, i1, j0, 0, 1, rows, 1, 0) > rows) continue;
+        if (2 * countLine(lattice, i0, j0 - 1, 1, 0, columns, 0, -1) > columns) continue;
+        if (2 * countLine(lattice, i0, j1, 1, 0, columns, 0, 1) > columns) continue;
         placements.push_back(placement);
       }
     }
