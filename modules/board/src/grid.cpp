@@ -70,6 +70,16 @@ int countLine(const Lattice& lattice, int i, int j, int di, int dj, int length, 
   return count;
 }
 
+// At the grid's four corners, where the hollow square may be: keeps its white inside out of the window.
+void avoidHollow(const BoardSpec& board, int columns, int rows, const Vector2d& at, CornerGuess& guess) {
+  if (!board.hollow_corner) return;
+  const auto outwards = [](double place, int count) { return place < 0.5 ? -1 : place > count - 1.5 ? 1 : 0; };
+  const Eigen::Vector2i quadrant(outwards(at.x(), columns), outwards(at.y(), rows));
+  if (quadrant.x() == 0 || quadrant.y() == 0) return;
+  guess.hollow_quadrant = quadrant;
+  guess.hollow_start = 0.5 * (1.0 - board.hollow_inner_ratio);
+}
+
 // True if no corner is off the smooth surface through all of them.
 bool isSmooth(const Grid& grid) {
   double largest = 0.0, cell = 0.0;
@@ -84,6 +94,30 @@ bool isSmooth(const Grid& grid) {
     cell = std::max(cell, side);
   }
   return grid.warp.largestBend() < 0.6 * cell;
+}
+
+// True if neighboring corners show about the same brightness step: light and shadow change it slowly, the
+// end of some other regular pattern abruptly.
+bool isEven(const Grid& grid) {
+  for (int row = 0; row < grid.rows; ++row) {
+    for (int column = 0; column < grid.columns; ++column) {
+      double sum = 0.0;
+      int count = 0;
+      const auto add = [&](int c, int r) {
+        if (c < 0 || r < 0 || c >= grid.columns || r >= grid.rows) return;
+        sum += std::abs(grid.at(c, r).step);
+        ++count;
+      };
+      add(column - 1, row);
+      add(column + 1, row);
+      add(column, row - 1);
+      add(column, row + 1);
+      const CornerFit& corner = grid.at(column, row);
+      const double ratio = std::abs(corner.step) * count / sum;
+      if (ratio < 0.6 || ratio > 1.7 || corner.residual > 0.6 * std::abs(corner.step)) return false;
+    }
+  }
+  return true;
 }
 
 }  // namespace
@@ -139,8 +173,8 @@ std::vector<Placement> findPlacements(const Lattice& lattice, const BoardSpec& b
   return placements;
 }
 
-std::optional<Grid> measureGrid(const cv::Mat& gray, const Lattice& lattice, double scale,
-                                const Placement& placement) {
+std::optional<Grid> measureGrid(const cv::Mat& gray, const BoardSpec& board, const Lattice& lattice,
+                                double scale, const Placement& placement) {
   const int columns = placement.columns;
   const int rows = placement.rows;
   std::vector<Vector2d> known, pixels;
@@ -168,6 +202,7 @@ std::optional<Grid> measureGrid(const cv::Mat& gray, const Lattice& lattice, dou
     guess.axes = rough.jacobian(at);
     const double apart = spacing(guess.axes).minCoeff();
     guess.blur_px.setConstant(std::clamp(0.15 * apart, 0.6, 0.7 + 0.4 * scale));
+    avoidHollow(board, columns, rows, at, guess);
     const auto fit = fitCorner(gray, guess);
     const int expected = (k % columns + k / columns) % 2 == 0 ? side : -side;
     if (!fit || fit->step * expected <= 0.0) return std::nullopt;
@@ -179,7 +214,7 @@ std::optional<Grid> measureGrid(const cv::Mat& gray, const Lattice& lattice, dou
   grid.blur_px = {median(blur_u), median(blur_v)};
   grid.step = median(steps);
   grid.warp = fitWarp(columns, rows, grid.corners);
-  if (!grid.warp.isFinite() || !isSmooth(grid)) return std::nullopt;
+  if (!grid.warp.isFinite() || !isSmooth(grid) || !isEven(grid)) return std::nullopt;
 
   // Now blur and directions are known from the whole board: only the position is left to each corner.
   for (int k = 0; k < columns * rows; ++k) {
@@ -188,6 +223,7 @@ std::optional<Grid> measureGrid(const cv::Mat& gray, const Lattice& lattice, dou
     guess.axes = grid.warp.jacobian({k % columns, k / columns});
     guess.blur_px = grid.blur_px;
     guess.fit_blur = false;
+    avoidHollow(board, columns, rows, {k % columns, k / columns}, guess);
     const auto fit = fitCorner(gray, guess);
     if (!fit) return std::nullopt;
     grid.corners[k] = *fit;
@@ -197,9 +233,8 @@ std::optional<Grid> measureGrid(const cv::Mat& gray, const Lattice& lattice, dou
   return grid;
 }
 
-bool remeasureBesideHollow(const cv::Mat& gray, const std::vector<Eigen::Vector2i>& hollow,
-                           const BoardSpec& board, Grid& grid) {
-  for (const Eigen::Vector2i& quadrant : hollow) {
+bool remeasureBesideSolid(const cv::Mat& gray, const std::vector<Eigen::Vector2i>& solid, Grid& grid) {
+  for (const Eigen::Vector2i& quadrant : solid) {
     const int column = quadrant.x() < 0 ? 0 : grid.columns - 1;
     const int row = quadrant.y() < 0 ? 0 : grid.rows - 1;
     CornerFit& corner = grid.corners[row * grid.columns + column];
@@ -208,16 +243,10 @@ bool remeasureBesideHollow(const cv::Mat& gray, const std::vector<Eigen::Vector2
     guess.axes = grid.warp.jacobian({column, row});
     guess.blur_px = grid.blur_px;
     guess.fit_blur = false;
-    guess.hollow_quadrant = quadrant;
-    guess.hollow_start = 0.5 * (1.0 - board.hollow_inner_ratio);
-    for (int pass = 0; pass < 2; ++pass) {
-      const auto fit = fitCorner(gray, guess);
-      if (!fit) return false;
-      corner = *fit;
-      guess.pixel = fit->pixel;
-    }
+    const auto fit = fitCorner(gray, guess);
+    if (!fit) return false;
+    corner = *fit;
   }
-  if (!hollow.empty()) grid.warp = fitWarp(grid.columns, grid.rows, grid.corners);
   return true;
 }
 
