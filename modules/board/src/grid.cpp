@@ -156,12 +156,14 @@ std::vector<Placement> findPlacements(const Lattice& lattice, const BoardSpec& b
         Placement placement{i0, j0, columns, rows, 0};
         placement.present = countIn(i0, i0 + columns, j0, j0 + rows);
         if (placement.present * 10 < columns * rows * 7 || placement.present < 4) continue;
-        // More than half a line beyond a side: the board is larger.
+        // Squares that go on beyond a side: the board is larger, or this is part of another pattern.
         const int i1 = i0 + columns, j1 = j0 + rows;
-        if (2 * countLine(lattice, i0 - 1, j0, 0, 1, rows, -1, 0) > rows) continue;
-        if (2 * countLine(lattice, i1, j0, 0, 1, rows, 1, 0) > rows) continue;
-        if (2 * countLine(lattice, i0, j0 - 1, 1, 0, columns, 0, -1) > columns) continue;
-        if (2 * countLine(lattice, i0, j1, 1, 0, columns, 0, 1) > columns) continue;
+        const int left = countLine(lattice, i0 - 1, j0, 0, 1, rows, -1, 0);
+        const int right = countLine(lattice, i1, j0, 0, 1, rows, 1, 0);
+        const int top = countLine(lattice, i0, j0 - 1, 1, 0, columns, 0, -1);
+        const int bottom = countLine(lattice, i0, j1, 1, 0, columns, 0, 1);
+        if (3 * std::max(left, right) > rows || 3 * std::max(top, bottom) > columns) continue;
+        if (5 * (left + right + top + bottom) > 2 * (columns + rows)) continue;
         placements.push_back(placement);
       }
     }
