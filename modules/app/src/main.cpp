@@ -31,7 +31,6 @@ int exitCode(ErrorKind kind) {
 int guardedMain(CLI::App& cli, int argc, char** argv, const std::function<int()>& body) {
   cli.footer(cli.get_footer() + kExitCodes);
   cli.set_version_flag("--version", SERVOCAL_VERSION);
-  cli.option_defaults()->always_capture_default();
   try {
     cli.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

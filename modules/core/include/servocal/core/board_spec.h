@@ -7,6 +7,8 @@
 
 namespace servocal {
 
+class ConfigReader;
+
 /// A checkerboard, as printed. Seen from its front with corner 0 at the upper left, the board frame o
 /// has its origin at the centre of the inner-corner grid, x to the right (along a row), y down, and z
 /// into the board, away from the viewer. Inner corners are numbered row by row from the upper left.
@@ -38,5 +40,9 @@ struct BoardSpec {
 /// Reads a board file (YAML, keys as in the `board:` section of a cell file).
 /// @throws Error (kInvalidConfig) naming file, line, nearest valid key and allowed range.
 BoardSpec loadBoard(const std::filesystem::path& file);
+
+/// The same from a section of another file; every file that describes a board uses these keys.
+/// @throws Error (kInvalidConfig) as loadBoard.
+BoardSpec readBoard(const ConfigReader& section);
 
 }  // namespace servocal

@@ -28,10 +28,13 @@ class Session {
   Session(Session&&) noexcept;
 
   /// Stores images (one per view, in the order of observation.views; an empty one keeps none) and then
-  /// the observation; fills in its id and the views' image_file, and returns it.
+  /// the observation; fills in its id and the views' image_file, and returns it. No images at all is
+  /// allowed.
   /// @throws Error (kBadData) if the disk refuses.
+  /// @throws std::invalid_argument if the session was opened for reading, the numbers of views and images
+  ///   differ, or a robot pose, joint angle or corner is not finite.
   Observation add(Observation observation, const std::vector<cv::Mat>& images);
-  /// Stores an attempt and returns it with its id.
+  /// Stores an attempt and returns it with its id. A goal pose that is not finite is stored as absent.
   Attempt add(Attempt attempt);
   /// A line in the session's log.
   void event(Instant stamp, const std::string& kind, const std::string& message);
@@ -52,7 +55,11 @@ class Session {
 bool isSession(const std::filesystem::path& folder);
 
 /// Writes the result as YAML (".yaml") or JSON (".json"), whole or not at all; docs/result-schema.md.
+/// Makes the file's folder if it is missing.
 /// @throws Error (kBadData) if the file cannot be written.
+/// @throws std::invalid_argument for another extension.
 void saveResult(const std::filesystem::path& file, const CalibrationResult& result);
+/// What saveResult would put into a ".json" file.
+std::string resultJson(const CalibrationResult& result);
 
 }  // namespace servocal::session

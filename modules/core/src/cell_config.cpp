@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "servocal/core/cell_config.h"
+
+#include <algorithm>
+
+#include "config_text.h"
+#include "default_cell.h"
+#include "servocal/core/config_reader.h"
+#include "simulation_config.h"
+
+namespace servocal {
+namespace {
+
+constexpr double kRadPerDeg = 3.14159265358979323846 / 180.0;
+constexpr Range kAnywhere{-100.0, 100.0};  ///< Positions in the cell, m.
+
+Box readBox(const ConfigReader& section, const std::string& name) {
+  Box box;
+  box.name = name;
+  box.min_m = section.vector3("min_m", kAnywhere);
+  box.max_m = section.vector3("max_m", kAnywhere);
+  section.finish();
+  if ((box.min_m.array() >= box.max_m.array()).any()) {
+    section.fail("min_m", "box '" + name + "': every number of 'min_m' must be below that of 'max_m'");
+  }
+  return box;
+}
+
+ArmConfig readArm(const ConfigReader& section, const std::filesystem::path& folder) {
+  ArmConfig arm;
+  arm.backend = static_cast<ArmBackend>(section.choice("backend", {"sim"}));
+  arm.urdf = section.text("urdf", arm.urdf);
+  arm.base_link = section.text("base_link", arm.base_link);
+  arm.flange_link = section.text("flange_link", arm.flange_link);
+  const std::size_t joints = arm.urdf == "ur5" ? 6 : 0;  // 0: any; the URDF's chain decides later.
+  const std::vector<double> start_q_deg = section.numbers("start_q_deg", joints, {-360.0, 360.0});
+  if (start_q_deg.empty()) section.fail("start_q_deg", "'start_q_deg' must name every joint of the arm");
+  arm.start_q =
+      Eigen::Map<const Eigen::VectorXd>(start_q_deg.data(), static_cast<Eigen::Index>(start_q_deg.size())) *
+      kRadPerDeg;
+  arm.accuracy_m = section.number("accuracy_m", {1e-6, 0.05}, arm.accuracy_m);
+  arm.accuracy_rad = section.number("accuracy_deg", {1e-5, 5.0}, arm.accuracy_rad / kRadPerDeg) * kRadPerDeg;
+  section.finish();
+  if (arm.urdf != "ur5") arm.urdf = (folder / arm.urdf).string();
+  return arm;
+}
+
+MotionLimits readLimits(const ConfigReader& section) {
+  MotionLimits limits;
+  limits.max_speed_mps = section.number("max_speed_mps", {0.001, 1.0}, limits.max_speed_mps);
+  limits.max_angular_speed_radps =
+      section.number("max_angular_speed_radps", {0.001, 3.0}, limits.max_angular_speed_radps);
+  limits.max_acceleration_mps2 =
+      section.number("max_acceleration_mps2", {0.01, 10.0}, limits.max_acceleration_mps2);
+  limits.max_angular_acceleration_radps2 =
+      section.number("max_angular_acceleration_radps2", {0.01, 20.0}, limits.max_angular_acceleration_radps2);
+  limits.max_joint_speed_radps =
+      section.number("max_joint_speed_radps", {0.001, 3.2}, limits.max_joint_speed_radps);
+  limits.joint_margin_rad =
+      section.number("joint_margin_deg", {0.0, 45.0}, limits.joint_margin_rad / kRadPerDeg) * kRadPerDeg;
+  limits.workspace = readBox(section.section("workspace"), "workspace");
+  if (section.has("keep_out")) {
+    for (const ConfigReader& box : section.sections("keep_out")) {
+      limits.keep_out.push_back(readBox(box, box.text("name")));
+    }
+  }
+  section.finish();
+  return limits;
+}
+
+CameraConfig readCamera(const ConfigReader& section) {
+  CameraConfig camera;
+  camera.name = section.text("name");
+  if (camera.name.empty()) section.fail("name", "a camera needs a name");
+  camera.backend = static_cast<CameraBackend>(section.choice("backend", {"sim"}));
+  camera.mount = static_cast<Mount>(section.choice("mount", {"fixed", "flange"}, 0));
+  camera.width_px = section.integer("width_px", {64, 20000});
+  camera.height_px = section.integer("height_px", {64, 20000});
+  camera.horizontal_fov_rad = section.number("horizontal_fov_deg", {5.0, 170.0}) * kRadPerDeg;
+  section.finish();
+  return camera;
+}
+
+CoverageConfig readCoverage(const ConfigReader& section) {
+  CoverageConfig coverage;
+  coverage.cells_x = section.integer("cells_x", {1, 64}, coverage.cells_x);
+  coverage.cells_y = section.integer("cells_y", {1, 64}, coverage.cells_y);
+  coverage.corners_per_cell = section.integer("corners_per_cell", {1, 1000}, coverage.corners_per_cell);
+  coverage.distance_ratio = section.number("distance_ratio", {1.05, 5.0}, coverage.distance_ratio);
+  coverage.near_distance_m = section.number("near_distance_m", {0.05, 10.0}, coverage.near_distance_m);
+  coverage.max_views = section.integer("max_views", {3, 1000}, coverage.max_views);
+  section.finish();
+  return coverage;
+}
+
+CellConfig readCell(const std::string& text, const std::string& origin, const std::filesystem::path& file) {
+  const ConfigReader reader = ConfigReader::fromText(text, origin);
+  CellConfig cell;
+  cell.file = file;
+  cell.text = text;
+  cell.name = reader.text("name");
+  cell.board = readBoard(reader.section("board"));
+  cell.arm = readArm(reader.section("arm"), file.parent_path());
+  cell.limits = readLimits(reader.section("limits"));
+  for (const ConfigReader& section : reader.sections("cameras")) {
+    const CameraConfig camera = readCamera(section);
+    for (const CameraConfig& other : cell.cameras) {
+      if (other.name == camera.name) {
+        section.fail("name", "camera '" + camera.name + "' is there twice; names must differ");
+      }
+    }
+    cell.cameras.push_back(camera);
+  }
+  if (cell.cameras.empty()) reader.fail("cameras", "'cameras' must list at least one camera");
+  if (const auto section = reader.optionalSection("coverage")) cell.coverage = readCoverage(*section);
+  if (const auto section = reader.optionalSection("simulation")) {
+    cell.simulation = readSimulation(*section, cell.cameras);
+  }
+  reader.finish();
+  const bool simulated =
+      cell.arm.backend == ArmBackend::kSim ||
+      std::any_of(cell.cameras.begin(), cell.cameras.end(),
+                  [](const CameraConfig& camera) { return camera.backend == CameraBackend::kSim; });
+  if (simulated && !cell.simulation) {
+    reader.fail("simulation", "missing key 'simulation': the backend 'sim' needs it");
+  }
+  return cell;
+}
+
+}  // namespace
+
+CellConfig loadCell(const std::filesystem::path& file) {
+  return readCell(readConfigText(file), file.string(), file);
+}
+
+CellConfig defaultCell() { return readCell(kDefaultCellText, "default_cell.yaml (built in)", {}); }
+
+}  // namespace servocal

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "servocal/core/cell_config.h"
+#include "servocal/core/pose.h"
+#include "servocal/core/result.h"
+
+namespace servocal::coverage {
+
+/// How the board leans against the image plane: its normal turned about the image's x axis (pitch) or
+/// y axis (yaw), by the larger of the two.
+enum class TiltBin { kFrontal, kPitchPlus, kPitchMinus, kYawPlus, kYawMinus };
+inline constexpr std::array<TiltBin, 5> kTiltBins = {TiltBin::kFrontal, TiltBin::kPitchPlus,
+                                                     TiltBin::kPitchMinus, TiltBin::kYawPlus,
+                                                     TiltBin::kYawMinus};
+const char* toString(TiltBin bin);  ///< "frontal", "pitch+", ...
+/// Leaning less than 12 degrees is frontal.
+TiltBin tiltBinOf(const Pose<Color, Board>& cMo);
+
+/// Marginal goals beside the image cells; counts of views, not a product of bins.
+struct ViewGoals {
+  int near_views = 6;
+  int far_views = 6;
+  int views_per_tilt_bin = 3;
+};
+
+/// What one camera stream has seen of the board, and what is missing: image cells filled with corners,
+/// two distances, tilts. Knows no robot and no image.
+class Coverage {
+ public:
+  /// @throws std::invalid_argument if the image or the grid is empty.
+  Coverage(const CoverageConfig& config, int width_px, int height_px, const ViewGoals& goals = {});
+
+  /// Counts a view: its corners' pixels and the board's pose.
+  void add(const std::vector<Eigen::Vector2d>& pixels, const Pose<Color, Board>& cMo);
+  /// Marks a cell as out of reach; it counts as done from now on.
+  void giveUp(int cell);
+
+  int cells() const { return config_.cells_x * config_.cells_y; }
+  /// Cell (row by row from the upper left) that holds the pixel; nothing outside the image.
+  std::optional<int> cellAt(const Eigen::Vector2d& pixel) const;
+  Eigen::Vector2d cellCenter(int cell) const;
+  bool filled(int cell) const { return corners_[cell] >= config_.corners_per_cell; }
+  bool givenUp(int cell) const { return given_up_[cell]; }
+  int filledCells() const;
+  /// Cells neither filled nor given up, from the image centre outward.
+  std::vector<int> openCells() const;
+  /// Far: at least distance_ratio times the wanted near distance.
+  bool isFar(const Pose<Color, Board>& cMo) const;
+
+  /// Corners that the cell still lacks; 0 if filled.
+  int missingToFill(int cell) const { return std::max(0, config_.corners_per_cell - corners_[cell]); }
+  /// Corners a view would add where they are missing, over all open cells.
+  int missingCorners(const std::vector<Eigen::Vector2d>& pixels) const;
+  /// Views still missing in the marginals that this pose belongs to: 0, 1 (distance or tilt) or 2.
+  int missingMarginals(const Pose<Color, Board>& cMo) const;
+  /// True when no cell is open and the marginals are met.
+  bool complete() const;
+  /// What complete() lacks, a sentence each.
+  std::vector<std::string> missing() const;
+
+  CoverageSummary summary() const;
+
+ private:
+  CoverageConfig config_;
+  int width_px_;
+  int height_px_;
+  ViewGoals goals_;
+  std::vector<int> corners_;
+  std::vector<bool> given_up_;
+  int near_views_ = 0;
+  int far_views_ = 0;
+  std::array<int, kTiltBins.size()> tilt_views_{};
+};
+
+}  // namespace servocal::coverage

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "servocal/coverage/coverage.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <stdexcept>
+#include <string>
+
+namespace servocal::coverage {
+namespace {
+
+constexpr double kFrontalLimitRad = 12.0 * M_PI / 180.0;
+
+}  // namespace
+
+const char* toString(TiltBin bin) {
+  switch (bin) {
+    case TiltBin::kFrontal: return "frontal";
+    case TiltBin::kPitchPlus: return "pitch+";
+    case TiltBin::kPitchMinus: return "pitch-";
+    case TiltBin::kYawPlus: return "yaw+";
+    case TiltBin::kYawMinus: return "yaw-";
+  }
+  return "unknown";
+}
+
+TiltBin tiltBinOf(const Pose<Color, Board>& cMo) {
+  const Eigen::Vector3d normal = cMo.rotation().col(2);
+  // A right-handed turn about x takes the normal (0,0,1) towards -y, one about y towards +x.
+  const double pitch = std::atan2(-normal.y(), normal.z());
+  const double yaw = std::atan2(normal.x(), normal.z());
+  if (std::max(std::abs(pitch), std::abs(yaw)) < kFrontalLimitRad) return TiltBin::kFrontal;
+  if (std::abs(pitch) >= std::abs(yaw)) return pitch > 0 ? TiltBin::kPitchPlus : TiltBin::kPitchMinus;
+  return yaw > 0 ? TiltBin::kYawPlus : TiltBin::kYawMinus;
+}
+
+Coverage::Coverage(const CoverageConfig& config, int width_px, int height_px, const ViewGoals& goals)
+    : config_(config), width_px_(width_px), height_px_(height_px), goals_(goals) {
+  if (width_px <= 0 || height_px <= 0) throw std::invalid_argument("coverage of an empty image");
+  if (config.cells_x <= 0 || config.cells_y <= 0) throw std::invalid_argument("coverage with no cells");
+  corners_.assign(cells(), 0);
+  given_up_.assign(cells(), false);
+}
+
+void Coverage::add(const std::vector<Eigen::Vector2d>& pixels, const Pose<Color, Board>& cMo) {
+  for (const Eigen::Vector2d& pixel : pixels) {
+    if (const auto cell = cellAt(pixel)) ++corners_[*cell];
+  }
+  ++(isFar(cMo) ? far_views_ : near_views_);
+  ++tilt_views_[static_cast<std::size_t>(tiltBinOf(cMo))];
+}
+
+void Coverage::giveUp(int cell) { given_up_.at(cell) = true; }
+
+std::optional<int> Coverage::cellAt(const Eigen::Vector2d& pixel) const {
+  // Pixel centres are at integers, so the image spans [-0.5, width - 0.5).
+  const double column = (pixel.x() + 0.5) / width_px_ * config_.cells_x;
+  const double row = (pixel.y() + 0.5) / height_px_ * config_.cells_y;
+  if (!(column >= 0 && row >= 0 && column < config_.cells_x && row < config_.cells_y)) return std::nullopt;
+  return static_cast<int>(row) * config_.cells_x + static_cast<int>(column);
+}
+
+Eigen::Vector2d Coverage::cellCenter(int cell) const {
+  const int column = cell % config_.cells_x, row = cell / config_.cells_x;
+  return {(column + 0.5) * width_px_ / config_.cells_x - 0.5, (row + 0.5) * height_px_ / config_.cells_y - 0.5};
+}
+
+int Coverage::filledCells() const {
+  int filled_cells = 0;
+  for (int cell = 0; cell < cells(); ++cell) filled_cells += filled(cell);
+  return filled_cells;
+}
+
+std::vector<int> Coverage::openCells() const {
+  std::vector<int> open;
+  for (int cell = 0; cell < cells(); ++cell) {
+    if (!filled(cell) && !given_up_[cell]) open.push_back(cell);
+  }
+  const Eigen::Vector2d center(0.5 * (width_px_ - 1), 0.5 * (height_px_ - 1));
+  std::stable_sort(open.begin(), open.end(), [&](int a, int b) {
+    return (cellCenter(a) - center).norm() < (cellCenter(b) - center).norm();
+  });
+  return open;
+}
+
+bool Coverage::isFar(const Pose<Color, Board>& cMo) const {
+  return cMo.translation().z() >= config_.distance_ratio * config_.near_distance_m;
+}
+
+int Coverage::missingCorners(const std::vector<Eigen::Vector2d>& pixels) const {
+  std::vector<int> hits(cells(), 0);
+  for (const Eigen::Vector2d& pixel : pixels) {
+    if (const auto cell = cellAt(pixel)) ++hits[*cell];
+  }
+  int missing_corners = 0;
+  for (int cell = 0; cell < cells(); ++cell) {
+    if (given_up_[cell]) continue;
+    missing_corners += std::min(hits[cell], missingToFill(cell));
+  }
+  return missing_corners;
+}
+
+int Coverage::missingMarginals(const Pose<Color, Board>& cMo) const {
+  const bool distance = isFar(cMo) ? far_views_ < goals_.far_views : near_views_ < goals_.near_views;
+  const bool tilt = tilt_views_[static_cast<std::size_t>(tiltBinOf(cMo))] < goals_.views_per_tilt_bin;
+  return int(distance) + int(tilt);
+}
+
+bool Coverage::complete() const { return missing().empty(); }
+
+std::vector<std::string> Coverage::missing() const {
+  std::vector<std::string> sentences;
+  if (const auto open = openCells().size(); open > 0) {
+    sentences.push_back(std::to_string(open) + " of " + std::to_string(cells()) + " image cells are not filled");
+  }
+  const auto require = [&](int have, int want, const std::string& what) {
+    if (have < want) {
+      sentences.push_back("only " + std::to_string(have) + " of " + std::to_string(want) + " " + what);
+    }
+  };
+  require(near_views_, goals_.near_views, "near views");
+  require(far_views_, goals_.far_views, "far views");
+  for (const TiltBin bin : kTiltBins) {
+    require(tilt_views_[static_cast<std::size_t>(bin)], goals_.views_per_tilt_bin,
+            std::string("views with tilt ") + toString(bin));
+  }
+  return sentences;
+}
+
+CoverageSummary Coverage::summary() const {
+  CoverageSummary summary;
+  summary.cells_x = config_.cells_x;
+  summary.cells_y = config_.cells_y;
+  summary.corners_per_cell = corners_;
+  summary.unreachable = given_up_;
+  summary.corners_to_fill = config_.corners_per_cell;
+  summary.near_views = near_views_;
+  summary.far_views = far_views_;
+  for (const TiltBin bin : kTiltBins) {
+    summary.tilt_bins.emplace_back(toString(bin), tilt_views_[static_cast<std::size_t>(bin)]);
+  }
+  return summary;
+}
+
+}  // namespace servocal::coverage

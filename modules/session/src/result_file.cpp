@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+#include "durable_file.h"
+#include "servocal/session/session.h"
+#include "yaml_text.h"
+
+namespace servocal::session {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr double kDegPerRad = 180.0 / 3.14159265358979323846;
+
+/// "fx" -> "fx_px"; distortion coefficients have no unit.
+std::string withUnit(const std::string& parameter) {
+  const bool pixels = parameter == "fx" || parameter == "fy" || parameter == "cx" || parameter == "cy";
+  return pixels ? parameter + "_px" : parameter;
+}
+
+Json list(const Eigen::VectorXd& values) {
+  return std::vector<double>(values.data(), values.data() + values.size());
+}
+
+Json matrix(const Eigen::MatrixXd& values) {
+  Json rows = Json::array();
+  for (Eigen::Index row = 0; row < values.rows(); ++row) rows.push_back(list(values.row(row).transpose()));
+  return rows;
+}
+
+Json boardTree(const BoardSpec& board) {
+  return {{"squares_x", board.squares_x},
+          {"squares_y", board.squares_y},
+          {"square_size_m", board.square_size_m},
+          {"hollow_corner", board.hollow_corner},
+          {"hollow_inner_ratio", board.hollow_inner_ratio},
+          {"margin_m", board.margin_m}};
+}
+
+Json viewsTree(const std::vector<ViewResidual>& views) {
+  Json tree = Json::array();
+  for (const ViewResidual& view : views) {
+    tree.push_back({{"observation_id", view.observation_id},
+                    {"name", view.name},
+                    {"rms_px", view.rms_px},
+                    {"used", view.used},
+                    {"reason", view.reason}});
+  }
+  return tree;
+}
+
+int usedViews(const std::vector<ViewResidual>& views) {
+  int used = 0;
+  for (const ViewResidual& view : views) used += view.used ? 1 : 0;
+  return used;
+}
+
+Json intrinsicsTree(const IntrinsicsResult& intrinsics) {
+  const CameraModel& camera = intrinsics.camera;
+  const std::vector<std::string>& names = parameterNames(camera.lens);
+  const bool solved = intrinsics.sigma.size() == camera.parameters.size();
+  Json tree = {{"source", solved ? "solved" : "given"},
+               {"lens_model", toString(camera.lens)},
+               {"width_px", camera.width_px},
+               {"height_px", camera.height_px}};
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const auto index = static_cast<Eigen::Index>(i);
+    Json entry = {{"value", camera.parameters[index]}};
+    if (solved) entry["sigma"] = intrinsics.sigma[index];
+    tree["parameters"][withUnit(names[i])] = entry;
+  }
+  Eigen::Matrix3d k;
+  k << camera.fx(), 0, camera.cx(), 0, camera.fy(), camera.cy(), 0, 0, 1;
+  tree["camera_matrix_px"] = matrix(k);
+  tree["distortion_coefficients"] = list(camera.parameters.tail(camera.parameters.size() - 4));
+  if (!solved) return tree;
+  tree["rms_px"] = intrinsics.rms_px;
+  tree["corners"] = intrinsics.corners;
+  tree["views_used"] = usedViews(intrinsics.views);
+  tree["covariance"] = matrix(intrinsics.covariance);
+  tree["views"] = viewsTree(intrinsics.views);
+  return tree;
+}
+
+Json poseTree(const char* name, const std::string& parent, const std::string& child,
+              const Eigen::Isometry3d& pose, const Eigen::Matrix<double, 6, 1>& sigma) {
+  const Eigen::Quaterniond q(pose.rotation());
+  const double sign = q.w() < 0.0 ? -1.0 : 1.0;  // of q and -q, the one with w >= 0
+  return {{"name", name},
+          {"parent_frame", parent},
+          {"child_frame", child},
+          {"translation_m", list(pose.translation())},
+          {"translation_sigma_m", list(sigma.head<3>())},
+          {"quaternion_xyzw", {sign * q.x(), sign * q.y(), sign * q.z(), sign * q.w()}},
+          {"rotation_sigma_deg", list(sigma.tail<3>() * kDegPerRad)},
+          {"matrix", matrix(pose.matrix())}};
+}
+
+Json handEyeTree(const HandEyeSolution& solution, const std::string& camera) {
+  const bool fixed = solution.mount == Mount::kFixed;
+  return {{"mount", fixed ? "fixed" : "flange"},
+          {"camera_pose", poseTree(fixed ? "bMc" : "eMc", fixed ? "base" : "end_effector", camera + "_color",
+                                   solution.camera_pose, solution.camera_sigma)},
+          {"board_pose", poseTree(fixed ? "eMo" : "bMo", fixed ? "end_effector" : "base", "board",
+                                  solution.board_pose, solution.board_sigma)},
+          {"rms_px", solution.rms_px},
+          {"robot_correction_rms_m", solution.robot_rms_m},
+          {"robot_correction_rms_deg", solution.robot_rms_rad * kDegPerRad},
+          {"scatter_m", solution.scatter_m},
+          {"scatter_deg", solution.scatter_rad * kDegPerRad},
+          {"views_used", usedViews(solution.views)},
+          {"views", viewsTree(solution.views)}};
+}
+
+Json coverageTree(const CoverageSummary& coverage) {
+  Json tree = {{"cells_x", coverage.cells_x},
+               {"cells_y", coverage.cells_y},
+               {"corners_to_fill", coverage.corners_to_fill},
+               {"corners_per_cell", coverage.corners_per_cell},
+               {"unreachable", coverage.unreachable},
+               {"near_views", coverage.near_views},
+               {"far_views", coverage.far_views},
+               {"tilt_bins", Json::array()}};
+  for (const auto& [bin, views] : coverage.tilt_bins)
+    tree["tilt_bins"].push_back({{"bin", bin}, {"views", views}});
+  return tree;
+}
+
+Json cameraTree(const CameraResult& camera) {
+  Json tree = {{"camera", camera.camera}, {"intrinsics", intrinsicsTree(camera.intrinsics)}};
+  if (camera.hand_eye) tree["hand_eye"] = handEyeTree(*camera.hand_eye, camera.camera);
+  if (camera.coverage) tree["coverage"] = coverageTree(*camera.coverage);
+  if (!camera.tilt_limits.empty()) {
+    Json limits = Json::array();
+    for (const TiltLimit& limit : camera.tilt_limits) {
+      limits.push_back({{"direction", limit.direction},
+                        {"limit_deg", limit.limit_rad * kDegPerRad},
+                        {"ended_by", limit.ended_by}});
+    }
+    tree["tilt_limits"] = limits;
+  }
+  return tree;
+}
+
+Json resultTree(const CalibrationResult& result) {
+  Json tree = {{"schema_version", result.schema_version},
+               {"provenance", result.provenance},
+               {"goal_met", result.goal_met},
+               {"missing", result.missing},
+               {"board", boardTree(result.board)},
+               {"observations", result.observations},
+               {"motion_time_s", result.motion_time_s},
+               {"tilt_time_s", result.tilt_time_s},
+               {"cameras", Json::array()}};
+  for (const CameraResult& camera : result.cameras) tree["cameras"].push_back(cameraTree(camera));
+  return tree;
+}
+
+}  // namespace
+
+std::string resultJson(const CalibrationResult& result) {
+  return resultTree(result).dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+void saveResult(const std::filesystem::path& file, const CalibrationResult& result) {
+  std::string text;
+  if (file.extension() == ".json") {
+    text = resultJson(result);
+  } else if (file.extension() == ".yaml" || file.extension() == ".yml") {
+    text = "# servocal calibration; docs/result-schema.md explains every key.\n" + toYaml(resultTree(result));
+  } else {
+    throw std::invalid_argument("a result file ends in .yaml or .json, not '" + file.extension().string() +
+                                "'");
+  }
+  const std::filesystem::path folder = std::filesystem::absolute(file).parent_path();
+  makeFolder(folder);
+  writeWhole(file, text.data(), text.size());
+  syncFolder(folder);
+}
+
+}  // namespace servocal::session

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "servocal/core/cell_config.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "errors.h"
+
+namespace servocal {
+namespace {
+
+using test::expectPart;
+
+/// The default cell with one change in its text, loaded as a file.
+class CellFile : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ =
+        std::filesystem::temp_directory_path() /
+        ("servocal_cell_" + std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()));
+    std::filesystem::create_directories(folder_);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  CellConfig load(const std::string& text) const {
+    std::ofstream(folder_ / "cell.yaml") << text;
+    return loadCell(folder_ / "cell.yaml");
+  }
+  /// The refusal of the default cell with `from` replaced by `to`, without the folder's name.
+  std::string refusal(const std::string& from, const std::string& to) const {
+    const std::string message = test::messageOf(ErrorKind::kInvalidConfig, [&] { load(changed(from, to)); });
+    const std::string prefix = folder_.string() + "/";
+    EXPECT_EQ(message.substr(0, prefix.size()), prefix) << message;
+    return message.substr(std::min(prefix.size(), message.size()));
+  }
+  static std::string changed(const std::string& from, const std::string& to) {
+    std::string text = defaultCell().text;
+    const std::size_t at = text.find(from);
+    EXPECT_NE(at, std::string::npos) << "the default cell has no '" << from << "'";
+    return text.replace(at, from.size(), to);
+  }
+  /// Line of the default cell that holds `part`, as in "cell.yaml:12: ".
+  static std::string at(const std::string& part) {
+    const std::string text = defaultCell().text;
+    const std::size_t position = text.find(part);
+    EXPECT_NE(position, std::string::npos) << part;
+    return "cell.yaml:" + std::to_string(1 + std::count(text.begin(), text.begin() + position, '\n')) + ": ";
+  }
+
+  std::filesystem::path folder_;
+};
+
+TEST(DefaultCell, IsTheFileAndSaysTheIssuesLimits) {
+  const CellConfig cell = defaultCell();
+  std::ostringstream file;
+  file << std::ifstream(SERVOCAL_DEFAULT_CELL).rdbuf();
+  EXPECT_EQ(cell.text, file.str());
+  EXPECT_TRUE(cell.file.empty());
+  EXPECT_EQ(cell.board.squares_x, 7);
+  EXPECT_EQ(cell.board.squares_y, 5);
+  EXPECT_EQ(cell.board.square_size_m, 0.03);
+  EXPECT_TRUE(cell.board.hollow_corner);
+  EXPECT_EQ(cell.limits.max_speed_mps, 0.25);
+  EXPECT_EQ(cell.limits.max_angular_speed_radps, 0.5);
+  EXPECT_EQ(cell.limits.max_acceleration_mps2, 1.2);
+  ASSERT_EQ(cell.cameras.size(), 1u);
+  EXPECT_EQ(cell.cameras[0].width_px, 1920);
+  EXPECT_NEAR(cell.cameras[0].horizontal_fov_rad, 1.466, 1e-3);
+  EXPECT_EQ(cell.arm.start_q.size(), 6);
+  ASSERT_TRUE(cell.simulation.has_value());
+  EXPECT_NEAR(cell.simulation->mount_rotation_spread_rad, 0.5236, 1e-4);
+  EXPECT_EQ(cell.simulation->cameras[0].distortion.size(), 5u);
+  EXPECT_TRUE(cell.simulation->nominal_eMo.isFinite());
+}
+
+TEST_F(CellFile, DefaultTextLoadsAsAFile) {
+  const CellConfig cell = load(defaultCell().text);
+  EXPECT_EQ(cell.file, folder_ / "cell.yaml");
+  EXPECT_EQ(cell.text, defaultCell().text);
+  EXPECT_EQ(cell.arm.start_q, defaultCell().arm.start_q);
+}
+
+TEST_F(CellFile, MisspelledKeys) {
+  EXPECT_EQ(refusal("max_speed_mps", "max_sped_mps"),
+            at("max_speed_mps") + "unknown key 'max_sped_mps'; did you mean 'max_speed_mps'?");
+  EXPECT_EQ(refusal("\ncoverage:", "\ncoverge:"),
+            at("coverage:\n") + "unknown key 'coverge'; did you mean 'coverage'?");
+  EXPECT_EQ(refusal("start_q_deg", "start_q_rad"),
+            at("start_q_deg") + "unknown key 'start_q_rad'; did you mean 'start_q_deg'?");
+  EXPECT_EQ(refusal("specular", "speculiar"),
+            at("specular") + "unknown key 'speculiar'; did you mean 'specular'?");
+}
+
+TEST_F(CellFile, ValuesOutOfRange) {
+  EXPECT_EQ(refusal("max_speed_mps: 0.25", "max_speed_mps: 250"),
+            at("max_speed_mps") + "'max_speed_mps' is 250, allowed: 0.001 to 1");
+  EXPECT_EQ(refusal("horizontal_fov_deg: 84", "horizontal_fov_deg: 0"),
+            at("horizontal_fov_deg") + "'horizontal_fov_deg' is 0, allowed: 5 to 170");
+  EXPECT_EQ(refusal("max_views: 40", "max_views: .nan"),
+            at("max_views") + "'max_views' must be finite, not '.nan' (allowed: 3 to 1000)");
+}
+
+TEST_F(CellFile, StartPoseNamesEveryJoint) {
+  EXPECT_EQ(refusal("start_q_deg: [0, ", "start_q_deg: ["),
+            at("start_q_deg") + "'start_q_deg' must be a list of 6 numbers, not a list of 5");
+}
+
+TEST_F(CellFile, BoxesAreNotInsideOut) {
+  EXPECT_EQ(refusal("min_m: [0.85, ", "min_m: [1.85, "),
+            at("min_m: [0.85") + "box 'camera': every number of 'min_m' must be below that of 'max_m'");
+  expectPart(refusal("max_m: [0.95", "max_m: [-0.95"), "box 'workspace': every number of 'min_m'");
+}
+
+TEST_F(CellFile, CamerasAreNamedOnceAndSimulatedOnce) {
+  expectPart(refusal("cameras:\n  - name: cam1\n",
+                     "cameras:\n  - {name: cam1, backend: sim, width_px: 640, "
+                     "height_px: 480, horizontal_fov_deg: 60}\n  - name: cam1\n"),
+             "camera 'cam1' is there twice; names must differ");
+  EXPECT_EQ(refusal("    - name: cam1", "    - name: cam7"),
+            at("    - name: cam1") + "the cell has no camera 'cam7'; it has: cam1");
+  expectPart(refusal("cameras:\n  - name: cam1\n",
+                     "cameras:\n  - {name: cam2, backend: sim, width_px: 640, "
+                     "height_px: 480, horizontal_fov_deg: 60}\n  - name: cam1\n"),
+             "camera 'cam2' has the backend 'sim' but is missing in 'simulation.cameras'");
+  const std::string text = defaultCell().text;
+  const std::size_t from = text.find("cameras:\n"), to = text.find("coverage:\n");
+  expectPart(refusal(text.substr(from, to - from), "cameras: []\n"),
+             "'cameras' must list at least one camera");
+}
+
+TEST_F(CellFile, SimulationIsDemandedBySimulatedBackends) {
+  const std::string text = defaultCell().text;
+  expectPart(refusal(text.substr(text.find("simulation:\n")), ""),
+             "missing key 'simulation': the backend 'sim' needs it");
+}
+
+TEST_F(CellFile, UrdfIsRelativeToTheCellFile) {
+  EXPECT_EQ(load(changed("urdf: ur5 ", "urdf: robots/my.urdf ")).arm.urdf,
+            (folder_ / "robots/my.urdf").string());
+}
+
+}  // namespace
+}  // namespace servocal
