@@ -11,7 +11,7 @@ namespace servocal::sim {
 namespace {
 
 constexpr double kStillPx = 0.05;   // Moving less than this during the exposure is standing still.
-constexpr double kPxPerSample = 1.5;
+constexpr double kPxPerSample = 2.0;  // About the width of the defocus, which hides the steps.
 constexpr int kMostSamples = 8;
 
 }  // namespace
