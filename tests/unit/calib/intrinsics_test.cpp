@@ -64,7 +64,9 @@ TEST(SolveIntrinsics, RationalLensWithNoise) {
     const IntrinsicsOutcome outcome = solve(scene, options);
     if (!outcome.result) continue;
     ++solved;
-    EXPECT_NEAR(outcome.result->rms_px, 0.1 * std::sqrt(2.0), 0.01);
+    // 1200 numbers, 12 + 25 * 6 parameters; the RMS of 1038 degrees of freedom scatters by 2.2 %.
+    const double expected_px = 0.1 * std::sqrt(2.0 * 1038 / 1200);
+    EXPECT_NEAR(outcome.result->rms_px, expected_px, 4 * 0.022 * expected_px);
     z_squares += std::pow((outcome.result->camera.fx() - scene.camera.fx()) / outcome.result->sigma[0], 2);
   }
   EXPECT_GE(solved, 16);
