@@ -107,14 +107,14 @@ std::optional<ArrowFit<State>> minimizeArrow(const State& start, const Linearize
     } else {
       damping = std::max(damping * 10.0, 1e-6);
       last_decrement = INFINITY;
-      if (damping > 1e12) {
-        // No direction leads down any more although the model predicts it: rounding, if it predicts
-        // next to nothing; otherwise a wall of the model, which is not a minimum.
-        const std::optional<ArrowStep> free = arrowStep(fit.system, 1e-9);
-        fit.converged = free && free->decrement < 1e-9 * fit.system.cost + 1e-20;
-        break;
-      }
+      if (damping > 1e12) break;  // no way down any more: rounding, or a wall of the model
     }
+  }
+  if (!fit.converged) {
+    // A valley so flat (the rational lens has them) that its bottom is approached in small steps: near enough
+    // if what is left is a few percent of a standard deviation, the cost being about one per residual.
+    const std::optional<ArrowStep> left = arrowStep(fit.system, 1e-9);
+    fit.converged = left && left->decrement < 1e-6 * fit.system.cost + 1e-20;
   }
   return fit;
 }
