@@ -13,7 +13,7 @@ class Guard;
 /// The right to move an arm. Only the Guard can make one.
 class MotionKey {
   friend class Guard;
-  MotionKey() = default;
+  MotionKey() {}  // Not "= default": that would leave an aggregate, which anybody may make with braces.
 };
 
 struct ArmInfo {

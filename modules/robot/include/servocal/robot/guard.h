@@ -2,9 +2,10 @@
 #pragma once
 
 #include <atomic>
+#include <memory>
 #include <optional>
 #include <string>
-#include <vector>
+#include <utility>
 
 #include "servocal/core/board_spec.h"
 #include "servocal/core/cell_config.h"
@@ -14,55 +15,77 @@
 
 namespace servocal::robot {
 
-/// Why the guard changed or refused a command.
+/// Why the guard changed or refused a command; the later, the stronger.
 enum class GuardRule {
   kNone,
-  kSpeed,         ///< Scaled down to the speed limits.
   kAcceleration,  ///< Ramped.
-  kJoint,         ///< Would come too near a joint limit, or a joint would be too fast.
+  kSpeed,         ///< Scaled down to the speed limits.
+  kJointSpeed,    ///< Scaled down to the joint speed limit, or near a singularity.
+  kWatchdog,      ///< No command for so long that the arm braked by itself; starts again from rest.
+  kJoint,         ///< Would come too near a joint limit or a singularity.
   kWorkspace,     ///< Flange or board would leave the workspace box.
   kKeepOut,       ///< Flange or board would enter a keep-out box.
-  kStaleFrame,    ///< The frame the command rests on is too old.
+  kStaleFrame,    ///< The frame the command rests on is too old, or from the future.
   kNonFinite,     ///< NaN or infinity in the command or the state.
-  kWatchdog,      ///< No command for too long; latched until release().
   kOperatorStop,  ///< The operator asked to stop; latched for good.
 };
-const char* toString(GuardRule rule);
+const char* toString(GuardRule rule);  ///< "none", "acceleration", "speed", ...
 
 struct GuardOptions {
   Duration command_timeout = std::chrono::milliseconds(100);  ///< The arm brakes after this without a command.
   Duration max_frame_age = std::chrono::milliseconds(150);    ///< Exposure to command, for vision-based ones.
-  Duration look_ahead = std::chrono::milliseconds(300);       ///< How far position rules extrapolate.
+  Duration look_ahead = std::chrono::milliseconds(150);       ///< Position rules extrapolate the command this
+                                  ///< far, then brake; at least command_timeout, more by the arm's own lag.
+  double unknown_board_radius_m = 0.2;  ///< Kept clear around the flange until setBoard() is called.
 };
 
 /// What became of a command.
 struct GuardVerdict {
-  Twist<Base> applied;                  ///< What the arm was told; zero if refused.
+  Twist<Base> applied;                  ///< What the arm was told.
   GuardRule rule = GuardRule::kNone;    ///< The strongest rule that intervened.
+  bool braking = false;                 ///< Refused: the arm brakes to rest, or stays there.
   std::string reason;                   ///< A sentence for the operator; empty for kNone.
-  bool refused() const { return rule >= GuardRule::kJoint; }
+  bool refused() const { return braking; }
 };
 
 /// The one object that owns the right to move the arm. Every command of the program goes through
-/// command(); it bends to the speed and acceleration limits, refuses what would break a position rule,
-/// and stops the arm in its destructor. It is not a safety function in the sense of any standard.
+/// command(); it bends to the speed and acceleration limits, slows down and refuses before a position
+/// rule breaks, and stops the arm in its destructor. It is not a safety function in the sense of any
+/// standard.
+///
+/// Position rules: a twist is applied only if the curve "hold it for look_ahead, then brake along the same
+/// curve" obeys every box and joint limit. Braking from any moment of such a curve stays on it, so there
+/// is always a safe way to stop. A rule that is already broken at the start (the arm was left inside a
+/// box) allows motion out of it, and none deeper.
+///
+/// The board counts as its outline and a grid of points at most 40 mm apart: obstacles thinner than that
+/// may slip between.
 class Guard {
  public:
-  /// @throws std::invalid_argument if a limit is not positive or a box is empty.
+  /// @throws std::invalid_argument if a limit is not positive, a box is empty, or look_ahead is shorter
+  ///   than command_timeout.
   Guard(Arm& arm, const Kinematics& kinematics, Clock& clock, const MotionLimits& limits,
         const BoardSpec& board, const GuardOptions& options = {});
   ~Guard();
   Guard(const Guard&) = delete;
   Guard& operator=(const Guard&) = delete;
 
-  /// Where the board sits on the flange, once known: its corners then obey the boxes and the speed
-  /// limit too. Before, a sphere of `unknown_board_radius_m` around the flange does. Nothing if the
-  /// board is not on the arm.
+  /// Where the board sits on the flange, once known, even roughly: its points then obey the boxes and the
+  /// speed limit too. Nothing if the board is not on the arm. Until the first call, a sphere of
+  /// GuardOptions::unknown_board_radius_m around the flange obeys them.
+  /// @throws std::invalid_argument if the pose is not finite.
   void setBoard(const std::optional<Pose<EndEffector, Board>>& eMo);
 
   /// Asks for a motion. `seen` is the stamp of the frame the command rests on; nothing for a command
-  /// that rests on robot states alone (a feed-forward move, a retreat).
+  /// that rests on robot states alone (a probing move, a retreat). The arm holds the twist until the next
+  /// command, at most for command_timeout and at most until that frame is max_frame_age old.
+  ///
+  /// Position rules brake within the acceleration limits; an operator stop, a stale frame and numbers
+  /// that are not finite stop the arm at once.
+  /// @throws Error (kHardwareAbsent, kSafetyStop) from the arm.
   GuardVerdict command(const Twist<Base>& wanted, std::optional<Instant> seen = std::nullopt);
+  /// Stops the arm at once, as hard as it can.
+  void stopNow();
   /// Brakes to a stop within the acceleration limits and waits until the arm stands still.
   /// @throws Error (kSafetyStop) if it does not within 2 s.
   void stopAndWait();
@@ -70,27 +93,34 @@ class Guard {
   void operatorStop() { operator_stop_.store(true); }
   bool operatorStopped() const { return operator_stop_.load(); }
 
-  /// True if the flange pose (and the board, if known) obeys boxes and, if given, joint limits.
-  bool allows(const Pose<Base, EndEffector>& bMe) const;
-  bool allows(const Eigen::VectorXd& q) const;
+  /// Why flange and board may not be there: a sentence naming the rule; nothing if they may.
+  std::optional<std::string> objection(const Pose<Base, EndEffector>& bMe) const;
+  /// The same for joint angles, joint limits included.
+  std::optional<std::string> objection(const Eigen::VectorXd& q) const;
+  bool allows(const Pose<Base, EndEffector>& bMe) const { return !objection(bMe); }
+  bool allows(const Eigen::VectorXd& q) const { return !objection(q); }
 
   RobotState state() { return arm_.state(); }
   RobotState stateAt(Instant stamp) { return arm_.stateAt(stamp); }
   const Kinematics& kinematics() const { return kinematics_; }
   const MotionLimits& limits() const { return limits_; }
+  const GuardOptions& options() const { return options_; }
   /// First and last instant at which the arm was told to move; nothing before the first.
   std::optional<std::pair<Instant, Instant>> motionSpan() const { return motion_span_; }
 
  private:
+  GuardVerdict emergency(GuardRule rule, std::string reason);
+  void apply(const Twist<Base>& twist, Instant now, std::optional<Instant> seen);
+
   Arm& arm_;
   const Kinematics& kinematics_;
   Clock& clock_;
   MotionLimits limits_;
-  BoardSpec board_;
   GuardOptions options_;
-  std::optional<Pose<EndEffector, Board>> eMo_;
+  std::unique_ptr<class PositionRules> rules_;
   Twist<Base> last_applied_;
-  std::optional<Instant> last_command_;
+  Instant last_command_{};
+  Instant expires_{};  // When the arm brakes by itself unless told again.
   std::optional<std::pair<Instant, Instant>> motion_span_;
   std::atomic<bool> operator_stop_{false};
 };

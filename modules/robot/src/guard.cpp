@@ -1,0 +1,253 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "servocal/robot/guard.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <stdexcept>
+
+#include "position_rules.h"
+#include "servocal/core/error.h"
+#include "twist_limits.h"
+
+namespace servocal::robot {
+namespace {
+
+// A command after standing still may change the speed by as much as this long a time allows.
+constexpr double kFirstStepS = 0.008;
+constexpr double kPeriodS = 0.008;        // Of the commands that brake to a stop.
+constexpr double kStillMps = 0.001;       // The arm counts as standing below these
+constexpr double kStillRadps = 0.003;
+constexpr int kStillStates = 3;           // in so many states in a row.
+constexpr double kStopWithinS = 2.0;
+constexpr double kRounding = 1.0 + 1e-9;
+// A motion asked for and slowed down to less than this is a refusal.
+constexpr double kCreepMps = 0.002;
+constexpr double kCreepRadps = 0.004;
+
+void requirePositive(double value, const char* what) {
+  if (!(value > 0.0)) throw std::invalid_argument(std::string("guard: ") + what + " must be positive");
+}
+
+void requireNotEmpty(const Box& box) {
+  if (!(box.min_m.array() < box.max_m.array()).all())
+    throw std::invalid_argument("guard: box '" + box.name + "' is empty");
+}
+
+bool isFinite(const RobotState& state) {
+  return state.q.allFinite() && state.bMe.isFinite() && state.twist.isFinite();
+}
+
+bool creeps(const Twist<Base>& twist) {
+  return twist.linear_mps.norm() < kCreepMps && twist.angular_radps.norm() < kCreepRadps;
+}
+
+std::string milliseconds(Duration duration) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.0f ms", 1e3 * toSeconds(duration));
+  return text;
+}
+
+}  // namespace
+
+const char* toString(GuardRule rule) {
+  switch (rule) {
+    case GuardRule::kNone: return "none";
+    case GuardRule::kAcceleration: return "acceleration";
+    case GuardRule::kSpeed: return "speed";
+    case GuardRule::kJointSpeed: return "joint_speed";
+    case GuardRule::kWatchdog: return "watchdog";
+    case GuardRule::kJoint: return "joint";
+    case GuardRule::kWorkspace: return "workspace";
+    case GuardRule::kKeepOut: return "keep_out";
+    case GuardRule::kStaleFrame: return "stale_frame";
+    case GuardRule::kNonFinite: return "non_finite";
+    case GuardRule::kOperatorStop: return "operator_stop";
+  }
+  return "unknown";
+}
+
+Guard::Guard(Arm& arm, const Kinematics& kinematics, Clock& clock, const MotionLimits& limits,
+             const BoardSpec& board, const GuardOptions& options)
+    : arm_(arm), kinematics_(kinematics), clock_(clock), limits_(limits), options_(options) {
+  requirePositive(limits.max_speed_mps, "max_speed_mps");
+  requirePositive(limits.max_angular_speed_radps, "max_angular_speed_radps");
+  requirePositive(limits.max_acceleration_mps2, "max_acceleration_mps2");
+  requirePositive(limits.max_angular_acceleration_radps2, "max_angular_acceleration_radps2");
+  requirePositive(limits.max_joint_speed_radps, "max_joint_speed_radps");
+  requirePositive(toSeconds(options.command_timeout), "command_timeout");
+  requirePositive(toSeconds(options.max_frame_age), "max_frame_age");
+  if (!(limits.joint_margin_rad >= 0.0))
+    throw std::invalid_argument("guard: joint_margin_rad must not be negative");
+  if (!(options.unknown_board_radius_m >= 0.0))
+    throw std::invalid_argument("guard: unknown_board_radius_m must not be negative");
+  if (options.look_ahead < options.command_timeout)
+    throw std::invalid_argument("guard: look_ahead must not be shorter than command_timeout");
+  requireNotEmpty(limits.workspace);
+  for (const Box& box : limits.keep_out) requireNotEmpty(box);
+  rules_ = std::make_unique<PositionRules>(kinematics, limits, board, options.unknown_board_radius_m);
+}
+
+Guard::~Guard() {
+  try {
+    arm_.stop(MotionKey());
+  } catch (...) {  // The arm is gone; its own watchdog stops it.
+  }
+}
+
+void Guard::setBoard(const std::optional<Pose<EndEffector, Board>>& eMo) {
+  if (eMo && !eMo->isFinite()) throw std::invalid_argument("guard: the board's mount is not a number");
+  rules_->setBoard(eMo);
+}
+
+GuardVerdict Guard::emergency(GuardRule rule, std::string reason) {
+  stopNow();
+  GuardVerdict verdict;
+  verdict.rule = rule;
+  verdict.braking = true;
+  verdict.reason = std::move(reason);
+  return verdict;
+}
+
+void Guard::stopNow() {
+  last_applied_ = {};
+  arm_.stop(MotionKey());
+}
+
+void Guard::apply(const Twist<Base>& twist, Instant now, std::optional<Instant> seen) {
+  Duration valid_for = options_.command_timeout;
+  if (seen) valid_for = std::min(valid_for, *seen + options_.max_frame_age - now);
+  arm_.move(MotionKey(), twist, valid_for);
+  last_applied_ = twist;
+  last_command_ = now;
+  expires_ = now + valid_for;
+  if (twist.isZero()) return;
+  if (!motion_span_) motion_span_.emplace(now, now);
+  motion_span_->second = now;
+}
+
+GuardVerdict Guard::command(const Twist<Base>& wanted, std::optional<Instant> seen) {
+  if (operatorStopped()) return emergency(GuardRule::kOperatorStop, "The operator asked to stop.");
+  if (!wanted.isFinite())
+    return emergency(GuardRule::kNonFinite, "The commanded motion is not a number; the arm was stopped.");
+  const RobotState state = arm_.state();
+  if (state.q.size() != kinematics_.joints() || !isFinite(state))
+    return emergency(GuardRule::kNonFinite, "The arm's reported state is not a number; it was stopped.");
+  const Instant now = clock_.now();
+  if (seen && *seen > now)
+    return emergency(GuardRule::kStaleFrame, "The camera frame is from the future (" +
+                                                 milliseconds(*seen - now) + "); check the clocks.");
+  if (seen && now - *seen >= options_.max_frame_age)
+    return emergency(GuardRule::kStaleFrame, "The camera frame is " + milliseconds(now - *seen) +
+                                                 " old; the limit is " +
+                                                 milliseconds(options_.max_frame_age) + ".");
+
+  GuardVerdict verdict;
+  const auto intervene = [&verdict](GuardRule rule, std::string reason) {
+    if (rule < verdict.rule) return;
+    verdict.rule = rule;
+    verdict.reason = std::move(reason);
+  };
+
+  // The ramp starts from what the arm does: nothing, if the last command ran out.
+  double dt = toSeconds(now - last_command_);
+  if (!last_applied_.isZero() && now > expires_) {
+    intervene(GuardRule::kWatchdog, "No command came for " + milliseconds(now - last_command_) +
+                                        "; the arm braked and starts again.");
+    last_applied_ = {};
+  }
+  if (last_applied_.isZero()) dt = std::min(dt, kFirstStepS);
+  dt = std::max(dt, 0.0);
+
+  const Eigen::Matrix3d bRe = state.bMe.rotation();
+  const Eigen::MatrixXd jacobian = kinematics_.jacobian(state.q);
+  const auto jointUse = [&](const Twist<Base>& twist) {
+    return jointSpeeds(jacobian, twist).cwiseAbs().maxCoeff() / limits_.max_joint_speed_radps;
+  };
+  const auto use = [&](const Twist<Base>& twist) {
+    return std::max(speedUse(twist, bRe, rules_->body(), limits_), jointUse(twist));
+  };
+
+  Twist<Base> target = wanted;
+  if (const double speed_use = speedUse(target, bRe, rules_->body(), limits_); speed_use > kRounding) {
+    target = (1.0 / speed_use) * target;
+    intervene(GuardRule::kSpeed, "Slowed down to the speed limits.");
+  }
+  if (const double joint_use = jointUse(target); !std::isfinite(joint_use)) {
+    target = {};
+    intervene(GuardRule::kJoint, "The arm is at a singular pose and cannot move that way.");
+  } else if (joint_use > kRounding) {
+    target = (1.0 / joint_use) * target;
+    intervene(GuardRule::kJointSpeed, "Slowed down to the joint speed limit.");
+  }
+
+  // Everything between braking and the ramped command obeys the acceleration limits, and the speed
+  // limits bound a convex set that holds the braking command: bisect for the most that is allowed.
+  const Twist<Base> braking = braked(last_applied_, dt, limits_);
+  const Twist<Base> most = ramped(last_applied_, target, dt, limits_);
+  if (!(stacked(most) - stacked(target)).isZero(1e-12))
+    intervene(GuardRule::kAcceleration, "Ramped to the acceleration limits.");
+  const auto between = [&](double share) { return braking + share * (most - braking); };
+  double share = 1.0;
+  if (use(most) > kRounding) {
+    double low = 0.0, high = 1.0;
+    for (int step = 0; step < 12; ++step) {
+      const double middle = 0.5 * (low + high);
+      (use(between(middle)) <= kRounding ? low : high) = middle;
+    }
+    share = low;
+  }
+
+  // Positions. Braking needs no look: its curve is the end of the one that was allowed before.
+  Twist<Base> applied = braking;
+  std::optional<Objection> objection;
+  for (const double part : {1.0, 0.9, 0.75, 0.5, 0.25, 0.1}) {
+    const Twist<Base> candidate = between(part * share);
+    std::optional<Objection> found = rules_->along(state, candidate, toSeconds(options_.look_ahead));
+    if (!found) {
+      applied = candidate;
+      break;
+    }
+    if (!objection) objection = std::move(found);
+  }
+  if (objection) intervene(objection->rule, objection->reason);
+  verdict.braking = verdict.rule >= GuardRule::kJoint && creeps(applied) && !creeps(wanted);
+
+  apply(applied, now, seen);
+  verdict.applied = applied;
+  return verdict;
+}
+
+void Guard::stopAndWait() {
+  const Instant give_up = clock_.now() + fromSeconds(kStopWithinS);
+  while (!last_applied_.isZero() && clock_.now() <= expires_ && !operatorStopped()) {
+    const Instant now = clock_.now();
+    apply(braked(last_applied_, toSeconds(now - last_command_), limits_), now, std::nullopt);
+    if (!last_applied_.isZero()) clock_.sleepFor(fromSeconds(kPeriodS));
+  }
+  stopNow();
+  int still = 0;
+  while (still < kStillStates) {
+    const RobotState state = arm_.state();
+    const bool stands = state.twist.isFinite() && state.twist.linear_mps.norm() < kStillMps &&
+                        state.twist.angular_radps.norm() < kStillRadps;
+    still = stands ? still + 1 : 0;
+    if (still >= kStillStates) break;
+    if (clock_.now() > give_up)
+      throw Error(ErrorKind::kSafetyStop,
+                  "The arm was told to stop 2 s ago and still moves. Stop it by hand and check the link.");
+    clock_.sleepFor(fromSeconds(kPeriodS));
+  }
+}
+
+std::optional<std::string> Guard::objection(const Pose<Base, EndEffector>& bMe) const {
+  if (const auto found = rules_->at(bMe)) return found->reason;
+  return std::nullopt;
+}
+
+std::optional<std::string> Guard::objection(const Eigen::VectorXd& q) const {
+  if (const auto found = rules_->at(q)) return found->reason;
+  return std::nullopt;
+}
+
+}  // namespace servocal::robot

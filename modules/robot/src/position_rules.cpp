@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "position_rules.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+namespace servocal::robot {
+namespace {
+
+constexpr double kGridM = 0.04;        // Between points of the board.
+constexpr double kPathStepM = 0.008;   // Between looks along a path, for the fastest point,
+constexpr double kPathStepRad = 0.03;  // and for the rotation.
+constexpr double kSlackM = 1e-9;
+constexpr double kSlackRad = 1e-9;
+
+std::string format(const char* text, double a, double b = 0.0, double c = 0.0) {
+  char buffer[160];
+  std::snprintf(buffer, sizeof buffer, text, a, b, c);
+  return buffer;
+}
+
+// How far inside the box a ball is, m; negative outside.
+double depthInside(const Box& box, const Eigen::Vector3d& center, double radius) {
+  const Eigen::Vector3d outside = (box.min_m - center).cwiseMax(center - box.max_m);
+  const double inside = -outside.maxCoeff();
+  if (inside >= 0.0) return inside + radius;
+  return radius - outside.cwiseMax(0.0).norm();
+}
+
+// How far a ball reaches out of the box, m; negative inside.
+double depthOutside(const Box& box, const Eigen::Vector3d& center, double radius) {
+  return (box.min_m - center).cwiseMax(center - box.max_m).maxCoeff() + radius;
+}
+
+// The flange pose after following a constant twist (of the flange's origin, base axes) for `time`.
+Pose<Base, EndEffector> followed(const Pose<Base, EndEffector>& bMe, const Twist<Base>& twist,
+                                 double time) {
+  const auto turn = Pose<Base, Base>::fromRotationVector(time * twist.angular_radps, Eigen::Vector3d::Zero());
+  return {turn.rotation() * bMe.rotation(), bMe.translation() + time * twist.linear_mps};
+}
+
+}  // namespace
+
+// Rows: flange, then the body's points. Columns: workspace, then each keep-out box. Positive: violated, m.
+struct PositionRules::Depths {
+  Eigen::MatrixXd value;
+  std::vector<Eigen::Vector3d> points_b;
+};
+
+PositionRules::PositionRules(const Kinematics& kinematics, const MotionLimits& limits,
+                             const BoardSpec& board, double unknown_board_radius_m)
+    : kinematics_(kinematics), limits_(limits), board_(board) {
+  body_.radius_m = unknown_board_radius_m;
+}
+
+void PositionRules::setBoard(const std::optional<Pose<EndEffector, Board>>& eMo) {
+  body_ = {};
+  if (!eMo) return;
+  const std::vector<Eigen::Vector3d> outline = board_.outline();
+  for (const Eigen::Vector3d& corner_o : outline) body_.outline_e.push_back(*eMo * corner_o);
+  // The plate is a rectangle: a grid between opposite sides.
+  const Eigen::Vector3d along_x = outline[1] - outline[0], along_y = outline[3] - outline[0];
+  const int steps_x = static_cast<int>(std::ceil(along_x.norm() / kGridM));
+  const int steps_y = static_cast<int>(std::ceil(along_y.norm() / kGridM));
+  for (int y = 0; y <= steps_y; ++y)
+    for (int x = 0; x <= steps_x; ++x)
+      body_.points_e.push_back(*eMo * Eigen::Vector3d(outline[0] + along_x * x / steps_x +
+                                                      along_y * y / steps_y));
+}
+
+PositionRules::Depths PositionRules::depths(const Pose<Base, EndEffector>& bMe) const {
+  Depths result;
+  result.points_b.push_back(bMe.translation());
+  for (const Eigen::Vector3d& point_e : body_.points_e) result.points_b.push_back(bMe * point_e);
+  result.value.resize(static_cast<Eigen::Index>(result.points_b.size()),
+                      static_cast<Eigen::Index>(1 + limits_.keep_out.size()));
+  for (Eigen::Index row = 0; row < result.value.rows(); ++row) {
+    const Eigen::Vector3d& point = result.points_b[static_cast<std::size_t>(row)];
+    const double radius = row == 0 ? body_.radius_m : 0.0;
+    result.value(row, 0) = depthOutside(limits_.workspace, point, radius);
+    for (std::size_t box = 0; box < limits_.keep_out.size(); ++box)
+      result.value(row, static_cast<Eigen::Index>(box) + 1) =
+          depthInside(limits_.keep_out[box], point, radius);
+  }
+  return result;
+}
+
+Objection PositionRules::boxObjection(const Depths& found, Eigen::Index column) const {
+  Eigen::Index row = 0;
+  const double depth = found.value.col(column).maxCoeff(&row);
+  const std::string who = row > 0 ? "The board" : body_.radius_m > 0.0 ? "The space kept around the flange"
+                                                                       : "The flange";
+  const std::string by = format(" by %.0f mm.", std::ceil(1000.0 * depth));
+  if (column == 0) return {GuardRule::kWorkspace, who + " would leave the workspace" + by};
+  const std::string& name = limits_.keep_out[static_cast<std::size_t>(column - 1)].name;
+  return {GuardRule::kKeepOut, who + " would enter the keep-out box '" + name + "'" + by};
+}
+
+std::optional<Objection> PositionRules::at(const Pose<Base, EndEffector>& bMe) const {
+  if (!bMe.isFinite()) return Objection{GuardRule::kNonFinite, "The pose is not a number."};
+  const Depths found = depths(bMe);
+  for (Eigen::Index column = found.value.cols() - 1; column >= 0; --column)
+    if (found.value.col(column).maxCoeff() > 0.0) return boxObjection(found, column);
+  return std::nullopt;
+}
+
+std::optional<Objection> PositionRules::at(const Eigen::VectorXd& q) const {
+  if (q.size() != kinematics_.joints() || !q.allFinite())
+    return Objection{GuardRule::kNonFinite, "The joint angles are not numbers."};
+  for (Eigen::Index joint = 0; joint < q.size(); ++joint) {
+    const double low = kinematics_.lower()[joint] + limits_.joint_margin_rad;
+    const double high = kinematics_.upper()[joint] - limits_.joint_margin_rad;
+    if (q[joint] < low || q[joint] > high)
+      return Objection{GuardRule::kJoint, format("Joint %.0f would be at %.2f rad, outside its limits.",
+                                                 static_cast<double>(joint + 1), q[joint])};
+  }
+  return at(kinematics_.forward(q));
+}
+
+std::optional<Objection> PositionRules::along(const RobotState& state, const Twist<Base>& twist,
+                                              double hold_s) const {
+  // Braking at a constant rate covers half of what the full speed would in the same time.
+  const double brake_s = brakingTime(twist, limits_);
+  const double length_s = hold_s + 0.5 * brake_s;
+  double lever = body_.radius_m;
+  for (const Eigen::Vector3d& point_e : body_.outline_e) lever = std::max(lever, point_e.norm());
+  const double turning = twist.angular_radps.norm();
+  const double fastest = twist.linear_mps.norm() + turning * lever;
+  if (fastest == 0.0) return std::nullopt;
+  const int steps = std::max(
+      2, static_cast<int>(std::ceil(length_s * std::max(fastest / kPathStepM, turning / kPathStepRad))));
+
+  const Depths start = depths(state.bMe);
+  Depths before = start;
+  Eigen::VectorXd q = state.q;
+  for (int step = 1; step <= steps; ++step) {
+    const double from_s = length_s * (step - 1) / steps;
+    const double to_s = length_s * step / steps;
+
+    // Joints, by small steps along the Jacobian: near a singularity its change is what matters.
+    const Eigen::VectorXd speeds = jointSpeeds(kinematics_.jacobian(q), twist);
+    // Share of the twist that is left there while braking.
+    const double left = from_s <= hold_s ? 1.0 : std::sqrt(std::max(0.0, (length_s - from_s) / (0.5 * brake_s)));
+    Eigen::Index fastest_joint = 0;
+    if (!speeds.allFinite())
+      return Objection{GuardRule::kJoint, "The arm would come to a singular pose."};
+    if (left * speeds.cwiseAbs().maxCoeff(&fastest_joint) > limits_.max_joint_speed_radps * (1.0 + 1e-6))
+      return Objection{GuardRule::kJoint,
+                       format("Joint %.0f would have to race, so near is a singular pose.",
+                              static_cast<double>(fastest_joint + 1))};
+    q += (to_s - from_s) * speeds;
+    for (Eigen::Index joint = 0; joint < q.size(); ++joint) {
+      const double low = kinematics_.lower()[joint] + limits_.joint_margin_rad;
+      const double high = kinematics_.upper()[joint] - limits_.joint_margin_rad;
+      const double out = std::max(low - q[joint], q[joint] - high);
+      const double out_at_start = std::max(low - state.q[joint], state.q[joint] - high);
+      if (out > std::max(0.0, out_at_start) + kSlackRad)
+        return Objection{GuardRule::kJoint, format("Joint %.0f would come to %.2f rad, too near its limit.",
+                                                   static_cast<double>(joint + 1), q[joint])};
+    }
+
+    const Depths here = depths(followed(state.bMe, twist, to_s));
+    for (Eigen::Index column = here.value.cols() - 1; column >= 0; --column) {
+      for (Eigen::Index row = 0; row < here.value.rows(); ++row) {
+        const double depth = here.value(row, column);
+        if (depth <= 0.0) continue;
+        // Already inside: only the way out, at every step, and not sideways through whatever is there.
+        const std::size_t point = static_cast<std::size_t>(row);
+        const double moved = (here.points_b[point] - before.points_b[point]).norm();
+        if (start.value(row, column) > 0.0 &&
+            depth <= before.value(row, column) - 0.2 * moved + kSlackM)
+          continue;
+        return boxObjection(here, column);
+      }
+    }
+    before = here;
+  }
+  return std::nullopt;
+}
+
+}  // namespace servocal::robot

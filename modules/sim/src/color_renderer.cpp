@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "color_renderer.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "background.h"
+#include "pixel_kernels.h"
+
+namespace servocal::sim {
+namespace {
+
+constexpr double kStillPx = 0.05;   // Moving less than this during the exposure is standing still.
+constexpr double kPxPerSample = 1.5;
+constexpr int kMostSamples = 8;
+
+}  // namespace
+
+ColorRenderer::ColorRenderer(const BoardSpec& board, const Lens& lens, const Light& light,
+                             const SimulatedCameraConfig& camera, bool clutter, std::uint64_t seed)
+    : board_(board),
+      lens_(lens),
+      camera_(camera),
+      rays_(lens),
+      layer_(board, lens, rays_, light),
+      noise_(camera.noise_gray),
+      background_(lens.height_px, lens.width_px, CV_16SC1),
+      background_sigma_(lens.height_px, lens.width_px, CV_8UC1) {
+  Random random(seed, "background " + camera.name);
+  const cv::Mat background = drawBackground(lens.width_px, lens.height_px, clutter, random);
+  for (int v = 0; v < lens.height_px; ++v) {
+    for (int u = 0; u < lens.width_px; ++u) {
+      const double gray = std::clamp(background.at<float>(v, u) * light.at(u, v), 0.0, 255.0);
+      background_.at<std::int16_t>(v, u) = static_cast<std::int16_t>(std::lround(32.0 * gray));
+      background_sigma_.at<std::uint8_t>(v, u) = noise_.sigmaEighths(gray);
+    }
+  }
+}
+
+std::vector<Eigen::Isometry3d> ColorRenderer::subExposures(const BoardMotion& cMo) const {
+  const Eigen::Isometry3d first = cMo(0.0), last = cMo(1.0);
+  double motion_px = 0.0;
+  for (const Eigen::Vector3d& corner : board_.outline()) {
+    const Eigen::Vector3d from = first * corner, to = last * corner;
+    if (from.z() <= 0.0 || to.z() <= 0.0) continue;
+    const Eigen::Vector2d shift = from.head<2>() / from.z() - to.head<2>() / to.z();
+    motion_px = std::max(motion_px, lens_.fx * shift.norm());
+  }
+  if (motion_px < kStillPx) return {cMo(0.5)};
+  const int count = std::clamp(static_cast<int>(std::ceil(motion_px / kPxPerSample)) + 1, 2, kMostSamples);
+  std::vector<Eigen::Isometry3d> poses;
+  for (int i = 0; i < count; ++i) poses.push_back(cMo((i + 0.5) / count));
+  return poses;
+}
+
+cv::Mat ColorRenderer::render(const BoardMotion& cMo, Random& random) {
+  const std::vector<Eigen::Isometry3d> poses = subExposures(cMo);
+  const double distance = std::max(0.1, poses[poses.size() / 2].translation().z());
+  const double off_focus =
+      camera_.defocus_px_per_diopter * (1.0 / distance - 1.0 / camera_.focus_distance_m);
+  layer_.draw(poses, std::hypot(camera_.defocus_px, off_focus));
+  noise_.shuffle(random);
+
+  cv::Mat image(lens_.height_px, lens_.width_px, CV_8UC1);
+  const cv::Rect& box = layer_.box();
+  for (int v = 0; v < lens_.height_px; ++v) {
+    const auto* background = background_.ptr<std::int16_t>(v);
+    const auto* sigma = background_sigma_.ptr<std::uint8_t>(v);
+    auto* out = image.ptr<std::uint8_t>(v);
+    const bool board_row = v >= box.y && v < box.y + box.height && !layer_.span(v).empty();
+    const Span span = board_row ? layer_.span(v) : Span{lens_.width_px, lens_.width_px};
+    writeBackgroundRow(span.begin, background, sigma, noise_.row(0, v), out);
+    if (!board_row) continue;
+    const int row = v - box.y, shift = span.begin - box.x;
+    writeBoardRow(span.end - span.begin, layer_.color().ptr<float>(row) + shift,
+                  layer_.alpha().ptr<float>(row) + shift, background + span.begin,
+                  noise_.row(span.begin, v), static_cast<float>(camera_.noise_gray), out + span.begin);
+    writeBackgroundRow(lens_.width_px - span.end, background + span.end, sigma + span.end,
+                       noise_.row(span.end, v), out + span.end);
+  }
+  return image;
+}
+
+}  // namespace servocal::sim

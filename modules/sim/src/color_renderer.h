@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <functional>
+#include <opencv2/core/mat.hpp>
+
+#include "board_layer.h"
+#include "lens.h"
+#include "sensor_noise.h"
+#include "servocal/core/board_spec.h"
+#include "servocal/core/cell_config.h"
+
+namespace servocal::sim {
+
+/// Turns board poses into gray images of one fixed camera. Expensive tables are made at construction.
+class ColorRenderer {
+ public:
+  ColorRenderer(const BoardSpec& board, const Lens& lens, const Light& light,
+                const SimulatedCameraConfig& camera, bool clutter, std::uint64_t seed);
+
+  /// cMo at a fraction of the exposure, 0 its begin and 1 its end.
+  using BoardMotion = std::function<Eigen::Isometry3d(double)>;
+
+  /// One exposure, CV_8UC1. `random` gives the frame's noise.
+  cv::Mat render(const BoardMotion& cMo, Random& random);
+
+ private:
+  std::vector<Eigen::Isometry3d> subExposures(const BoardMotion& cMo) const;
+
+  BoardSpec board_;
+  Lens lens_;
+  SimulatedCameraConfig camera_;
+  RayTable rays_;
+  BoardLayer layer_;
+  SensorNoise noise_;
+  cv::Mat background_;        ///< CV_16SC1, 32 times the gray value.
+  cv::Mat background_sigma_;  ///< CV_8UC1, 8 times the noise.
+};
+
+}  // namespace servocal::sim

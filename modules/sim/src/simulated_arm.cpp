@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "simulated_arm.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+#include <stdexcept>
+
+#include "servocal/core/error.h"
+
+namespace servocal::sim {
+namespace {
+
+constexpr Duration kTick = std::chrono::milliseconds(2);
+constexpr int kTicksPerReport = 4;           // 125 Hz, as a CB3 controller.
+constexpr std::int64_t kHistoryTicks = 1500;  // 3 s; callers may rely on 2 s.
+constexpr double kEncoderNoiseRad = 5e-6;
+// Below this |det J| the inverse is damped (Nakamura & Hanafusa 1986). The default cell's start has 0.04.
+constexpr double kDampedBelow = 0.004;
+constexpr double kDamping = 0.05;
+
+Instant timeOf(std::int64_t index) { return Instant(kTick * index); }
+std::int64_t lastTick(Instant instant) { return instant.time_since_epoch() / kTick; }
+
+// Configurations an arm of this cell may take: the flange is in the workspace box, if there is one.
+std::vector<Vector6d> configurationsIn(const Box& workspace, Random& random) {
+  const bool bounded = (workspace.max_m.array() > workspace.min_m.array()).all();
+  const Ur5 arm;
+  std::vector<Vector6d> configurations;
+  for (int tries = 0; configurations.size() < 300 && tries < 100000; ++tries) {
+    Vector6d q;
+    for (double& angle : q) angle = random.uniform(-M_PI, M_PI);
+    if (bounded && !workspace.contains(arm.forward(q).translation())) continue;
+    configurations.push_back(q);
+  }
+  if (configurations.empty()) {
+    throw std::invalid_argument("sim::Cell: the workspace box is out of the arm's reach");
+  }
+  return configurations;
+}
+
+Ur5 realArm(const CellConfig& config, std::uint64_t seed) {
+  Random random(seed, "arm kinematics");
+  const auto configurations = configurationsIn(config.limits.workspace, random);
+  return Ur5::perturbed(random, config.simulation->accuracy_m, configurations);
+}
+
+Repeatability drawRepeatability(const SimulationConfig& simulation, std::uint64_t seed) {
+  Random random(seed, "arm repeatability");
+  return Repeatability(random, simulation.repeatability_m, simulation.repeatability_rad);
+}
+
+}  // namespace
+
+SimulatedArm::SimulatedArm(const SimulatedClock& clock, const CellConfig& config, std::uint64_t seed)
+    : clock_(clock),
+      info_{"UR5 (simulated)", "sim-" + std::to_string(seed), 6, 500.0 / kTicksPerReport},
+      real_(realArm(config, seed)),
+      repeatability_(drawRepeatability(*config.simulation, seed)),
+      max_speed_radps_(config.simulation->max_joint_speed_radps),
+      max_acceleration_radps2_(config.simulation->max_joint_acceleration_radps2),
+      noise_seed_(Random(seed, "encoders").bits()) {
+  if (config.arm.start_q.size() != 6 || !config.arm.start_q.allFinite() ||
+      config.arm.start_q.cwiseAbs().maxCoeff() > Ur5::kJointLimitRad) {
+    throw std::invalid_argument("sim::Cell: arm.start_q must be six joint angles within +-2 pi");
+  }
+  Random random(seed, "arm clock");
+  device_clock_offset_s_ = random.uniform(100.0, 10000.0);
+  Tick first;
+  first.q = config.arm.start_q;
+  // So that the first visit has an error of its own too.
+  first.travelled_rad = random.uniform(0.0, 100.0);
+  first.index = lastTick(clock.now());
+  ticks_.push_back(first);
+}
+
+void SimulatedArm::catchUp() {
+  const std::int64_t last = lastTick(clock_.now());
+  while (ticks_.back().index < last) step();
+}
+
+Vector6d SimulatedArm::wantedSpeed(Instant instant) const {
+  if (instant >= command_end_ || command_.isZero() || protective_stop_) return Vector6d::Zero();
+  Vector6d twist;
+  twist << command_.linear_mps, command_.angular_radps;
+  const Matrix6d jacobian = nominal_.jacobian(ticks_.back().q);
+  const double closeness = 1.0 - std::abs(jacobian.determinant()) / kDampedBelow;
+  Vector6d speed;
+  if (closeness <= 0.0) {
+    speed = jacobian.partialPivLu().solve(twist);
+  } else {
+    const double damping = kDamping * closeness;
+    const Matrix6d squared =
+        jacobian * jacobian.transpose() + damping * damping * Matrix6d::Identity();
+    speed = jacobian.transpose() * squared.partialPivLu().solve(twist);
+  }
+  const double fastest = speed.cwiseAbs().maxCoeff();
+  if (fastest > max_speed_radps_) speed *= max_speed_radps_ / fastest;
+  return speed;
+}
+
+void SimulatedArm::step() {
+  const Tick& last = ticks_.back();
+  const double dt = toSeconds(kTick);
+  Tick next;
+  next.index = last.index + 1;
+  Vector6d change = wantedSpeed(timeOf(last.index)) - last.speed;
+  const double largest = change.cwiseAbs().maxCoeff();
+  if (largest > max_acceleration_radps2_ * dt) change *= max_acceleration_radps2_ * dt / largest;
+  next.speed = last.speed + change;
+  next.q = last.q + 0.5 * dt * (last.speed + next.speed);
+  for (int joint = 0; joint < 6; ++joint) {
+    if (std::abs(next.q[joint]) <= Ur5::kJointLimitRad) continue;
+    if (!protective_stop_) {
+      std::ostringstream message;
+      message << "The simulated arm made a protective stop at " << toSeconds(timeOf(next.index))
+              << " s: joint " << joint + 1 << " reached its limit of "
+              << std::copysign(Ur5::kJointLimitRad, next.q[joint])
+              << " rad. Start the run again from a pose farther from the joint limits.";
+      protective_stop_ = message.str();
+    }
+    next.q = last.q;
+    next.speed.setZero();
+    break;
+  }
+  next.travelled_rad = last.travelled_rad + (next.q - last.q).norm();
+  ticks_.push_back(next);
+  if (static_cast<std::int64_t>(ticks_.size()) > kHistoryTicks) ticks_.pop_front();
+}
+
+const SimulatedArm::Tick& SimulatedArm::stored(std::int64_t index) const {
+  const std::int64_t clamped = std::clamp(index, ticks_.front().index, ticks_.back().index);
+  return ticks_[static_cast<std::size_t>(clamped - ticks_.front().index)];
+}
+
+SimulatedArm::Tick SimulatedArm::tickAt(Instant instant) {
+  catchUp();
+  const std::int64_t index = lastTick(instant);
+  const Tick& before = stored(index);
+  const Tick& after = stored(index + 1);
+  const double weight =
+      before.index == after.index ? 0.0 : toSeconds(instant - timeOf(index)) / toSeconds(kTick);
+  Tick tick = before;
+  tick.q += weight * (after.q - before.q);
+  tick.speed += weight * (after.speed - before.speed);
+  tick.travelled_rad += weight * (after.travelled_rad - before.travelled_rad);
+  return tick;
+}
+
+Vector6d SimulatedArm::jointsAt(Instant instant) { return tickAt(instant).q; }
+
+Eigen::Isometry3d SimulatedArm::flangeAt(Instant instant) {
+  const Tick tick = tickAt(instant);
+  return repeatability_.apply(real_.forward(tick.q), tick.travelled_rad);
+}
+
+RobotState SimulatedArm::report(const Tick& tick) const {
+  // Noise is a function of the tick, so that reading twice, or not at all, changes nothing.
+  Vector6d q = tick.q;
+  Random noise(noise_seed_ ^ scramble(static_cast<std::uint64_t>(tick.index)), "");
+  for (double& angle : q) angle += kEncoderNoiseRad * noise.normal();
+  const Vector6d twist = nominal_.jacobian(q) * tick.speed;
+  RobotState state;
+  state.stamp = timeOf(tick.index);
+  state.device_stamp_s = toSeconds(state.stamp) + device_clock_offset_s_;
+  state.q = q;
+  state.bMe = Pose<Base, EndEffector>(nominal_.forward(q));
+  state.twist = {twist.head<3>(), twist.tail<3>()};
+  return state;
+}
+
+RobotState SimulatedArm::reportAt(std::int64_t index) const { return report(stored(index)); }
+
+RobotState SimulatedArm::state() {
+  catchUp();
+  if (protective_stop_) throw Error(ErrorKind::kSafetyStop, *protective_stop_);
+  return reportAt(ticks_.back().index / kTicksPerReport * kTicksPerReport);
+}
+
+RobotState SimulatedArm::stateAt(Instant stamp) {
+  catchUp();
+  const std::int64_t newest = ticks_.back().index / kTicksPerReport * kTicksPerReport;
+  const std::int64_t oldest =
+      (ticks_.front().index + kTicksPerReport - 1) / kTicksPerReport * kTicksPerReport;
+  const std::int64_t before = lastTick(stamp) / kTicksPerReport * kTicksPerReport;
+  if (before >= newest) return reportAt(newest);
+  if (stamp < timeOf(oldest)) return reportAt(oldest);
+  const RobotState first = reportAt(before);
+  const RobotState second = reportAt(before + kTicksPerReport);
+  const double weight = toSeconds(stamp - first.stamp) / toSeconds(second.stamp - first.stamp);
+  RobotState state = first;
+  state.stamp = stamp;
+  state.device_stamp_s = toSeconds(stamp) + device_clock_offset_s_;
+  state.q += weight * (second.q - first.q);
+  state.bMe = Pose<Base, EndEffector>(nominal_.forward(state.q));
+  state.twist.linear_mps += weight * (second.twist.linear_mps - first.twist.linear_mps);
+  state.twist.angular_radps += weight * (second.twist.angular_radps - first.twist.angular_radps);
+  return state;
+}
+
+void SimulatedArm::move(robot::MotionKey, const Twist<Base>& twist, Duration valid_for) {
+  if (!twist.isFinite()) throw std::invalid_argument("SimulatedArm::move: the twist is not finite");
+  catchUp();
+  command_ = twist;
+  command_end_ = clock_.now() + valid_for;
+}
+
+void SimulatedArm::stop(robot::MotionKey) {
+  catchUp();
+  command_ = {};
+}
+
+}  // namespace servocal::sim

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "repeatability.h"
+#include "servocal/core/cell_config.h"
+#include "servocal/core/clock.h"
+#include "servocal/robot/arm.h"
+#include "ur5.h"
+
+namespace servocal::sim {
+
+/// A UR5 under velocity control, on a fixed grid of 2 ms ticks. Ticks are computed when somebody asks
+/// for what happened; a command acts from the next tick on.
+///
+/// What it reports is what a controller believes (encoders and nominal kinematics, at 125 Hz); where the
+/// flange really is, flangeAt() tells the simulated cameras alone.
+class SimulatedArm final : public robot::Arm {
+ public:
+  SimulatedArm(const SimulatedClock& clock, const CellConfig& config, std::uint64_t seed);
+
+  const robot::ArmInfo& info() const override { return info_; }
+  RobotState state() override;
+  RobotState stateAt(Instant stamp) override;
+  void move(robot::MotionKey, const Twist<Base>& twist, Duration valid_for) override;
+  void stop(robot::MotionKey) override;
+
+  /// The true bMe at an instant of the last two seconds.
+  Eigen::Isometry3d flangeAt(Instant instant);
+  /// Joint angles at that instant, without encoder noise.
+  Vector6d jointsAt(Instant instant);
+
+ private:
+  struct Tick {
+    std::int64_t index = 0;
+    Vector6d q = Vector6d::Zero();
+    Vector6d speed = Vector6d::Zero();
+    double travelled_rad = 0.0;  ///< Length of the joint path so far.
+  };
+
+  void catchUp();
+  void step();
+  Vector6d wantedSpeed(Instant instant) const;
+  Tick tickAt(Instant instant);
+  RobotState report(const Tick& tick) const;
+  RobotState reportAt(std::int64_t index) const;
+  const Tick& stored(std::int64_t index) const;
+
+  const SimulatedClock& clock_;
+  robot::ArmInfo info_;
+  Ur5 nominal_;
+  Ur5 real_;
+  Repeatability repeatability_;
+  double max_speed_radps_;
+  double max_acceleration_radps2_;
+  double device_clock_offset_s_;
+  std::uint64_t noise_seed_;
+  std::deque<Tick> ticks_;  ///< Of the last seconds; never empty.
+  Twist<Base> command_;
+  Instant command_end_{};
+  std::optional<std::string> protective_stop_;
+};
+
+}  // namespace servocal::sim
