@@ -19,7 +19,7 @@ struct HandEyeOptions {
   double min_axis_spread = 0.05;   ///< Below this HandEyeResult::axis_spread we refuse to answer.
 };
 
-enum class HandEyeStatus { kSolved, kTooFewViews, kRotationAxesParallel };
+enum class HandEyeStatus { kSolved, kTooFewViews, kRotationAxesParallel, kInconsistent };
 
 /// Sentence for the operator: what happened, and what to do about it.
 const char* toString(HandEyeStatus status);

@@ -37,8 +37,8 @@ struct HandEyeSolution {
   Mount mount = Mount::kFixed;
   Eigen::Isometry3d camera_pose;   ///< kFixed: bMc. kFlange: eMc.
   Eigen::Isometry3d board_pose;    ///< kFixed: eMo. kFlange: bMo.
-  Eigen::Matrix<double, 6, 1> camera_sigma;  ///< Standard deviations of a twist applied on the left of
-                                   ///< camera_pose: 3 translations (m), 3 rotations (rad), base axes.
+  Eigen::Matrix<double, 6, 1> camera_sigma;  ///< Standard deviations along the axes of camera_pose's left
+                                   ///< frame: of its origin (m), then of a turn about that origin (rad).
   Eigen::Matrix<double, 6, 1> board_sigma;   ///< Likewise for board_pose.
   double rms_px = 0.0;             ///< Residual with each stop's pose corrected within robot noise.
   double robot_rms_m = 0.0;        ///< RMS of those corrections.

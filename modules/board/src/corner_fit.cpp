@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "corner_fit.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+namespace servocal::board {
+namespace {
+
+using Eigen::Matrix2d;
+using Eigen::Vector2d;
+
+// erf(t / sqrt 2) and its derivative, interpolated from a table.
+class ErrorFunction {
+ public:
+  ErrorFunction() {
+    for (int k = 0; k <= kSize; ++k) {
+      const double t = kRange * (2.0 * k / kSize - 1.0);
+      value_[k] = std::erf(t / std::sqrt(2.0));
+      slope_[k] = std::sqrt(2.0 / M_PI) * std::exp(-0.5 * t * t);
+    }
+  }
+  void at(double t, double& value, double& slope) const {
+    const double place = (t + kRange) * (kSize / (2.0 * kRange));
+    if (place <= 0.0 || place >= kSize - 1) {
+      value = t < 0 ? -1.0 : 1.0;
+      slope = 0.0;
+      return;
+    }
+    const int k = static_cast<int>(place);
+    const double f = place - k;
+    value = value_[k] + f * (value_[k + 1] - value_[k]);
+    slope = slope_[k] + f * (slope_[k + 1] - slope_[k]);
+  }
+
+ private:
+  static constexpr int kSize = 1024;
+  static constexpr double kRange = 4.5;
+  std::array<double, kSize + 1> value_;
+  std::array<double, kSize + 1> slope_;
+};
+
+struct Sample {
+  double x, y;  // From the guess, px.
+  double gray;
+};
+
+constexpr double kMaxHalf = 11.0;    // px; longer, and a lens' curvature of the edges starts to show.
+constexpr double kMinBlur = 0.35;    // px; a pixel's own extent.
+constexpr double kMaxBlur = 8.0;     // px
+
+// The pixels near the two edges, inside the window.
+bool collect(const cv::Mat& gray, const CornerGuess& guess, const Vector2d& normal_u, const Vector2d& normal_v,
+             std::vector<Sample>& samples) {
+  const Vector2d along_u = guess.axes.col(0);
+  const Vector2d along_v = guess.axes.col(1);
+  const double apart_u = std::abs(normal_u.dot(along_v));  // Between edges along u, px.
+  const double apart_v = std::abs(normal_v.dot(along_u));
+  const auto half = [](double blur, double apart, double length) {
+    double part = std::clamp(1.0 - 2.2 * blur / apart, 0.3, 0.45);
+    part = std::max(part, std::min(0.55, 1.3 / apart));
+    return std::min(part, kMaxHalf / length);
+  };
+  const double half_u = half(guess.blur_px.y(), apart_v, along_u.norm());
+  const double half_v = half(guess.blur_px.x(), apart_u, along_v.norm());
+  const double band_u = 3.0 * guess.blur_px.x() + 0.7;
+  const double band_v = 3.0 * guess.blur_px.y() + 0.7;
+
+  const Matrix2d to_grid = guess.axes.inverse();
+  const double reach_x = half_u * std::abs(along_u.x()) + half_v * std::abs(along_v.x());
+  const double reach_y = half_u * std::abs(along_u.y()) + half_v * std::abs(along_v.y());
+  const int x0 = static_cast<int>(std::ceil(guess.pixel.x() - reach_x));
+  const int x1 = static_cast<int>(std::floor(guess.pixel.x() + reach_x));
+  const int y0 = static_cast<int>(std::ceil(guess.pixel.y() - reach_y));
+  const int y1 = static_cast<int>(std::floor(guess.pixel.y() + reach_y));
+  if (x0 < 0 || y0 < 0 || x1 >= gray.cols || y1 >= gray.rows) return false;
+
+  // Nearer than this to both inner sides of the hollow square, its white shows through the blur.
+  const double hollow_u = guess.hollow_start - 2.2 * guess.blur_px.y() / apart_v;
+  const double hollow_v = guess.hollow_start - 2.2 * guess.blur_px.x() / apart_u;
+  samples.clear();
+  for (int y = y0; y <= y1; ++y) {
+    const uchar* row = gray.ptr<uchar>(y);
+    const double dy = y - guess.pixel.y();
+    for (int x = x0; x <= x1; ++x) {
+      const double dx = x - guess.pixel.x();
+      const double u = to_grid(0, 0) * dx + to_grid(0, 1) * dy;
+      const double v = to_grid(1, 0) * dx + to_grid(1, 1) * dy;
+      if (std::abs(u) > half_u || std::abs(v) > half_v) continue;
+      if (std::abs(v) * apart_u > band_u && std::abs(u) * apart_v > band_v) continue;
+      if (guess.hollow_quadrant.x() * u > hollow_u && guess.hollow_quadrant.y() * v > hollow_v &&
+          guess.hollow_quadrant.x() != 0)
+        continue;
+      samples.push_back({dx, dy, static_cast<double>(row[x])});
+    }
+  }
+  return samples.size() >= 9;
+}
+
+}  // namespace
+
+std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess) {
+  static const ErrorFunction error_function;
+  thread_local std::vector<Sample> samples;
+  // Unit normals of the edges, towards growing v and growing u.
+  Vector2d normal_u(-guess.axes(1, 0), guess.axes(0, 0));
+  Vector2d normal_v(guess.axes(1, 1), -guess.axes(0, 1));
+  normal_u.normalize();
+  normal_v.normalize();
+  if (guess.axes.determinant() <= 0.0) return std::nullopt;  // A mirror image, or degenerate.
+  if (!collect(gray, guess, normal_u, normal_v, samples)) return std::nullopt;
+
+  // Parameters: position (2), level, step, light gradient (2), and the two blurs if wanted.
+  constexpr int kMost = 8;
+  const int count = guess.fit_blur ? 8 : 6;
+  using Normal = Eigen::Matrix<double, kMost, kMost>;
+  using Vector = Eigen::Matrix<double, kMost, 1>;
+  Vector2d position = Vector2d::Zero();
+  Vector2d blur = guess.blur_px.cwiseMax(kMinBlur);
+  double level = 0.0, step = 0.0;
+  Vector2d light = Vector2d::Zero();
+  const double radius = 0.25 * std::min(guess.axes.col(0).norm(), guess.axes.col(1).norm());
+  const double max_shift = std::max(1.5, radius);
+
+  // Level and step by linear regression at the guess.
+  {
+    double n = 0, s1 = 0, s2 = 0, g1 = 0, gs = 0;
+    for (const Sample& sample : samples) {
+      double e1, e2, slope;
+      error_function.at((normal_u.x() * sample.x + normal_u.y() * sample.y) / blur.x(), e1, slope);
+      error_function.at((normal_v.x() * sample.x + normal_v.y() * sample.y) / blur.y(), e2, slope);
+      const double s = e1 * e2;
+      n += 1, s1 += s, s2 += s * s, g1 += sample.gray, gs += sample.gray * s;
+    }
+    const double det = n * s2 - s1 * s1;
+    if (det <= 1e-9) return std::nullopt;
+    step = (n * gs - s1 * g1) / det;
+    level = (g1 - step * s1) / n;
+  }
+  if (std::abs(step) < 2.0) return std::nullopt;
+
+  Normal normal;
+  double residual = 0.0;
+  const int most_iterations = guess.fit_blur ? 6 : 5;
+  for (int iteration = 0;; ++iteration) {
+    normal.setZero();
+    Vector right = Vector::Zero();
+    double squares = 0.0;
+    const double inverse_u = 1.0 / blur.x();
+    const double inverse_v = 1.0 / blur.y();
+    for (const Sample& sample : samples) {
+      const double dx = sample.x - position.x();
+      const double dy = sample.y - position.y();
+      const double t1 = (normal_u.x() * dx + normal_u.y() * dy) * inverse_u;
+      const double t2 = (normal_v.x() * dx + normal_v.y() * dy) * inverse_v;
+      double e1, e2, slope1, slope2;
+      error_function.at(t1, e1, slope1);
+      error_function.at(t2, e2, slope2);
+      const double s = e1 * e2;
+      const double tone = level + step * s;
+      const double brightness = 1.0 + light.x() * sample.x + light.y() * sample.y;
+      const double error = sample.gray - tone * brightness;
+      squares += error * error;
+      const double by_d1 = step * brightness * slope1 * e2;  // Per unit of t1.
+      const double by_d2 = step * brightness * e1 * slope2;
+      std::array<double, kMost> j;
+      j[0] = -(by_d1 * inverse_u * normal_u.x() + by_d2 * inverse_v * normal_v.x());
+      j[1] = -(by_d1 * inverse_u * normal_u.y() + by_d2 * inverse_v * normal_v.y());
+      j[2] = brightness;
+      j[3] = brightness * s;
+      j[4] = tone * sample.x;
+      j[5] = tone * sample.y;
+      if (guess.fit_blur) {
+        j[6] = -by_d1 * t1 * inverse_u;
+        j[7] = -by_d2 * t2 * inverse_v;
+      }
+      for (int a = 0; a < count; ++a) {
+        right[a] += j[a] * error;
+        for (int b = 0; b <= a; ++b) normal(a, b) += j[a] * j[b];
+      }
+    }
+    residual = std::sqrt(squares / std::max<double>(samples.size() - count, 4));
+    if (iteration == most_iterations) break;
+    // A little damping of what small windows leave undetermined: blur and light.
+    normal(4, 4) += 1e-2 * step * step * samples.size();
+    normal(5, 5) += 1e-2 * step * step * samples.size();
+    right[4] -= 1e-2 * step * step * samples.size() * light.x();
+    right[5] -= 1e-2 * step * step * samples.size() * light.y();
+    for (int k = 6; k < count; ++k) normal(k, k) *= 1.05;
+    for (int k = count; k < kMost; ++k) normal(k, k) = 1.0;
+    const Vector change = normal.selfadjointView<Eigen::Lower>().ldlt().solve(right);
+    if (!change.allFinite()) return std::nullopt;
+    Vector2d move = change.head<2>();
+    if (move.norm() > 1.0) move *= 1.0 / move.norm();
+    position += move;
+    level += change[2];
+    step += change[3];
+    light += change.segment<2>(4);
+    if (guess.fit_blur) {
+      for (int k = 0; k < 2; ++k)
+        blur[k] = std::clamp(blur[k] + change[6 + k], std::max(kMinBlur, 0.6 * blur[k]),
+                             std::min(kMaxBlur, 1.6 * blur[k]));
+    }
+    if (position.norm() > max_shift) return std::nullopt;
+    if (!guess.fit_blur && move.norm() < 2e-3 && iteration >= 1) break;
+  }
+
+  // Information on the position once the other parameters have taken theirs.
+  const Normal full = normal.selfadjointView<Eigen::Lower>();
+  const Eigen::Matrix4d others = full.block<4, 4>(2, 2);
+  const Eigen::Matrix<double, 2, 4> mixed = full.block<2, 4>(0, 2);
+  CornerFit fit;
+  fit.pixel = guess.pixel + position;
+  fit.structure = full.block<2, 2>(0, 0) - mixed * others.ldlt().solve(mixed.transpose());
+  fit.step = step;
+  fit.residual = residual;
+  fit.blur_px = blur;
+  fit.pixels = static_cast<int>(samples.size());
+  if (!fit.structure.allFinite() || fit.structure.determinant() <= 0.0) return std::nullopt;
+  return fit;
+}
+
+}  // namespace servocal::board

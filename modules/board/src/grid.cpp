@@ -1,0 +1,309 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "grid.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+namespace servocal::board {
+namespace {
+
+using Eigen::Vector2d;
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + values.size() / 2;
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+Warp fitWarp(int columns, int rows, const std::vector<CornerFit>& corners) {
+  std::vector<Vector2d> grid, pixels;
+  for (int k = 0; k < columns * rows; ++k) {
+    grid.emplace_back(k % columns, k / columns);
+    pixels.push_back(corners[k].pixel);
+  }
+  return Warp(columns, rows, grid, pixels);
+}
+
+// Saddles beside the board may have taken a corner's place: drops the worst until the rest agree.
+Warp fitWithoutStrays(int columns, int rows, std::vector<Vector2d>& grid, std::vector<Vector2d>& pixels) {
+  const std::size_t fewest = std::max<std::size_t>(4, columns * rows * 7 / 10);
+  while (true) {
+    Warp warp(columns, rows, grid, pixels);
+    std::size_t worst = 0;
+    double largest = 0.0;
+    for (std::size_t k = 0; k < grid.size(); ++k) {
+      const Eigen::Matrix2d axes = warp.jacobian(grid[k]);
+      const double side = std::max(axes.col(0).norm(), axes.col(1).norm());
+      const double error = (warp.at(grid[k]) - pixels[k]).norm() / (1.5 + 0.1 * side);
+      if (error > largest) {
+        largest = error;
+        worst = k;
+      }
+    }
+    if (!(largest > 1.0) || grid.size() <= fewest) return warp;
+    grid.erase(grid.begin() + worst);
+    pixels.erase(pixels.begin() + worst);
+  }
+}
+
+// Distances between edges along u and along v at a grid point, px.
+Vector2d spacing(const Eigen::Matrix2d& axes) {
+  const double area = std::abs(axes.determinant());
+  return {area / axes.col(0).norm(), area / axes.col(1).norm()};
+}
+
+// True if no corner is off the smooth surface through all of them.
+bool isSmooth(const Grid& grid) {
+  double largest = 0.0, cell = 0.0;
+  for (int k = 0; k < grid.columns * grid.rows; ++k) {
+    const Vector2d at(k % grid.columns, k / grid.columns);
+    const Eigen::Matrix2d axes = grid.warp.jacobian(at);
+    if (axes.determinant() <= 0.0) return false;
+    const double error = (grid.warp.at(at) - grid.corners[k].pixel).norm();
+    const double side = std::max(axes.col(0).norm(), axes.col(1).norm());
+    if (error > 0.6 + 0.04 * side) return false;
+    largest = std::max(largest, error);
+    cell = std::max(cell, side);
+  }
+  return grid.warp.largestBend() < 0.6 * cell;
+}
+
+}  // namespace
+
+double Grid::smallestSpacing() const {
+  double smallest = 1e9;
+  for (const double u : {0.0, columns - 1.0})
+    for (const double v : {0.0, rows - 1.0})
+      smallest = std::min(smallest, spacing(warp.jacobian({u, v})).minCoeff());
+  return smallest;
+}
+
+std::vector<Placement> findPlacements(const Lattice& lattice, const BoardSpec& board) {
+  if (lattice.nodes.empty()) return {};
+  int i_min = 1 << 20, i_max = -(1 << 20), j_min = i_min, j_max = i_max;
+  for (const auto& [key, node] : lattice.nodes) {
+    i_min = std::min(i_min, key.first);
+    i_max = std::max(i_max, key.first);
+    j_min = std::min(j_min, key.second);
+    j_max = std::max(j_max, key.second);
+  }
+  const auto countIn = [&](int i0, int i1, int j0, int j1) {
+    int count = 0;
+    for (int j = j0; j < j1; ++j)
+      for (int i = i0; i < i1; ++i) count += static_cast<int>(lattice.nodes.count({i, j}));
+    return count;
+  };
+  std::vector<Placement> placements;
+  for (const bool turned : {false, true}) {
+    if (turned && board.cornersX() == board.cornersY()) break;
+    const int columns = turned ? board.cornersY() : board.cornersX();
+    const int rows = turned ? board.cornersX() : board.cornersY();
+    // One line may be missing altogether on each side.
+    for (int j0 = std::min(j_min, j_max - rows + 1) ; j0 <= std::max(j_min, j_max - rows + 1); ++j0) {
+      for (int i0 = std::min(i_min, i_max - columns + 1); i0 <= std::max(i_min, i_max - columns + 1); ++i0) {
+        Placement placement{i0, j0, columns, rows, 0};
+        placement.present = countIn(i0, i0 + columns, j0, j0 + rows);
+        if (placement.present * 10 < columns * rows * 7 || placement.present < 4) continue;
+        // More than half a line beyond a side: the board is larger.
+        const int i1 = i0 + columns, j1 = j0 + rows;
+        if (2 * countIn(i0 - 1, i0, j0, j1) > rows || 2 * countIn(i1, i1 + 1, j0, j1) > rows) continue;
+        if (2 * countIn(i0, i1, j0 - 1, j0) > columns || 2 * countIn(i0, i1, j1, j1 + 1) > columns) continue;
+        placements.push_back(placement);
+      }
+    }
+  }
+  std::stable_sort(placements.begin(), placements.end(),
+                   [](const Placement& a, const Placement& b) { return a.present > b.present; });
+  constexpr std::size_t kMostPlacements = 4;
+  if (placements.size() > kMostPlacements) placements.resize(kMostPlacements);
+  return placements;
+}
+
+std::optional<Grid> measureGrid(const cv::Mat& gray, const Lattice& lattice, double scale,
+                                const Placement& placement) {
+  const int columns = placement.columns;
+  const int rows = placement.rows;
+  std::vector<Vector2d> known, pixels;
+  int side = 0;
+  for (int row = 0; row < rows; ++row) {
+    for (int column = 0; column < columns; ++column) {
+      const auto it = lattice.nodes.find({placement.i0 + column, placement.j0 + row});
+      if (it == lattice.nodes.end()) continue;
+      known.emplace_back(column, row);
+      pixels.push_back(((it->second.pixel.cast<double>().array() + 0.5) * scale - 0.5).matrix());
+      side = (column + row) % 2 == 0 ? it->second.side : -it->second.side;
+    }
+  }
+  const Warp rough = fitWithoutStrays(columns, rows, known, pixels);
+  if (!rough.isFinite()) return std::nullopt;
+
+  Grid grid{columns, rows, {}, rough, Vector2d::Ones(), 0.0};
+  std::size_t next = 0;
+  std::vector<double> blur_u, blur_v, steps;
+  for (int k = 0; k < columns * rows; ++k) {
+    const Vector2d at(k % columns, k / columns);
+    CornerGuess guess;
+    const bool is_known = next < known.size() && known[next] == at;
+    guess.pixel = is_known ? pixels[next++] : rough.at(at);
+    guess.axes = rough.jacobian(at);
+    const double apart = spacing(guess.axes).minCoeff();
+    guess.blur_px.setConstant(std::clamp(0.15 * apart, 0.6, 0.7 + 0.4 * scale));
+    const auto fit = fitCorner(gray, guess);
+    const int expected = (k % columns + k / columns) % 2 == 0 ? side : -side;
+    if (!fit || fit->step * expected <= 0.0) return std::nullopt;
+    grid.corners.push_back(*fit);
+    blur_u.push_back(fit->blur_px.x());
+    blur_v.push_back(fit->blur_px.y());
+    steps.push_back(std::abs(fit->step));
+  }
+  grid.blur_px = {median(blur_u), median(blur_v)};
+  grid.step = median(steps);
+  grid.warp = fitWarp(columns, rows, grid.corners);
+  if (!grid.warp.isFinite() || !isSmooth(grid)) return std::nullopt;
+
+  // Now blur and directions are known from the whole board: only the position is left to each corner.
+  for (int k = 0; k < columns * rows; ++k) {
+    CornerGuess guess;
+    guess.pixel = grid.corners[k].pixel;
+    guess.axes = grid.warp.jacobian({k % columns, k / columns});
+    guess.blur_px = grid.blur_px;
+    guess.fit_blur = false;
+    const auto fit = fitCorner(gray, guess);
+    if (!fit) return std::nullopt;
+    grid.corners[k] = *fit;
+  }
+  grid.warp = fitWarp(columns, rows, grid.corners);
+  if (!isSmooth(grid)) return std::nullopt;
+  return grid;
+}
+
+bool remeasureBesideHollow(const cv::Mat& gray, const std::vector<Eigen::Vector2i>& hollow,
+                           const BoardSpec& board, Grid& grid) {
+  for (const Eigen::Vector2i& quadrant : hollow) {
+    const int column = quadrant.x() < 0 ? 0 : grid.columns - 1;
+    const int row = quadrant.y() < 0 ? 0 : grid.rows - 1;
+    CornerFit& corner = grid.corners[row * grid.columns + column];
+    CornerGuess guess;
+    guess.pixel = corner.pixel;
+    guess.axes = grid.warp.jacobian({column, row});
+    guess.blur_px = grid.blur_px;
+    guess.fit_blur = false;
+    guess.hollow_quadrant = quadrant;
+    guess.hollow_start = 0.5 * (1.0 - board.hollow_inner_ratio);
+    for (int pass = 0; pass < 2; ++pass) {
+      const auto fit = fitCorner(gray, guess);
+      if (!fit) return false;
+      corner = *fit;
+      guess.pixel = fit->pixel;
+    }
+  }
+  if (!hollow.empty()) grid.warp = fitWarp(grid.columns, grid.rows, grid.corners);
+  return true;
+}
+
+std::optional<double> brightness(const cv::Mat& gray, const Vector2d& pixel, int radius) {
+  if (!pixel.allFinite() || (pixel.array().abs() > 1e6).any()) return std::nullopt;
+  const int x = static_cast<int>(std::lround(pixel.x()));
+  const int y = static_cast<int>(std::lround(pixel.y()));
+  if (x < radius || y < radius || x + radius >= gray.cols || y + radius >= gray.rows) return std::nullopt;
+  int sum = 0;
+  for (int dy = -radius; dy <= radius; ++dy) {
+    const uchar* row = gray.ptr<uchar>(y + dy);
+    for (int dx = -radius; dx <= radius; ++dx) sum += row[x + dx];
+  }
+  const int side = 2 * radius + 1;
+  return static_cast<double>(sum) / (side * side);
+}
+
+bool isWholeBoard(const cv::Mat& gray, const Grid& grid, const BoardSpec& board) {
+  const int radius = std::clamp(static_cast<int>(0.1 * grid.smallestSpacing()), 0, 3);
+  // Cells are numbered from -1 (outside the first corner) to columns - 1; even sums share a color.
+  const auto cellIsWhite = [&](int column, int row) {
+    const bool first_is_white = grid.at(0, 0).step > 0;  // The cell (-1,-1), as is the cell (0,0).
+    return ((column + row) % 2 == 0) == first_is_white;
+  };
+  const auto cell = [&](double column, double row) {
+    return brightness(gray, grid.warp.at({column + 0.5, row + 0.5}), radius);
+  };
+
+  // Colors of the inner cells.
+  int right = 0, wrong = 0;
+  for (int row = 0; row < grid.rows - 1; ++row) {
+    for (int column = 0; column < grid.columns - 1; ++column) {
+      const auto value = cell(column, row);
+      const CornerFit& corner = grid.at(column, row);
+      if (!value) return false;
+      // Compared with the opposite color diagonally across the nearest edge.
+      const auto beside = cell(column + 1 < grid.columns - 1 ? column + 1 : column - 1, row);
+      if (!beside) return false;
+      const double difference = cellIsWhite(column, row) ? *value - *beside : *beside - *value;
+      (difference > 0.5 * std::abs(corner.step) ? right : wrong)++;
+    }
+  }
+  if (wrong * 10 > right) return false;
+
+  // One sample beyond each cell of a side, `beyond` squares from the last corners; 1 is white, 0 black.
+  struct Side {
+    bool along_u, first;
+  };
+  const auto rim = [&](const Side& side, double beyond, bool white_cells_only) {
+    const int length = side.along_u ? grid.columns : grid.rows;
+    const int line = side.first ? -1 : (side.along_u ? grid.rows : grid.columns) - 1;
+    const int inward = side.first ? line + 1 : line - 1;
+    const double outside = side.first ? line + 0.5 - beyond : line - 0.5 + beyond;
+    std::pair<int, int> white_of_all(0, 0);
+    for (int k = -1; k < length; ++k) {
+      const bool is_white = side.along_u ? cellIsWhite(k, line) : cellIsWhite(line, k);
+      if (white_cells_only && !is_white) continue;
+      // References: two cells one line further in, which are never hollow. Past the ends, the last ones.
+      const int here = std::clamp(k, 0, length - 2);
+      const int beside = here > 0 ? here - 1 : here + 1;
+      const auto one = side.along_u ? cell(here, inward) : cell(inward, here);
+      const auto other = side.along_u ? cell(beside, inward) : cell(inward, beside);
+      const auto value = side.along_u ? cell(k, outside) : cell(outside, k);
+      if (!one || !other || !value) continue;
+      const double white = std::max(*one, *other), black = std::min(*one, *other);
+      ++white_of_all.second;
+      if (*value - black > 0.6 * (white - black)) ++white_of_all.first;
+    }
+    return white_of_all;
+  };
+  // A larger board would go on black beyond the white cells; and no line beside the board would be white
+  // all along, as the rim is, wherever it starts (some boards have narrower outer squares).
+  const auto endsOnSide = [&](const Side& side) {
+    const double one = 1.0 + std::min(0.25, 0.5 * board.margin_m / board.square_size_m);
+    const auto [white, all] = rim(side, one, true);
+    if (white > 0 && 2 * white >= all) return true;
+    for (double beyond = 0.4; beyond < 1.3; beyond += 0.06) {
+      const auto [white_here, all_here] = rim(side, beyond, false);
+      if (all_here >= 3 && 10 * white_here > 7 * all_here) return true;
+    }
+    // A mark needs its printed rim; boards without one are also accepted if no corner follows beyond.
+    if (board.hollow_corner) return false;
+    int next = 0, none = 0;
+    const int corners = side.along_u ? grid.columns : grid.rows;
+    const double line = side.first ? -1 : side.along_u ? grid.rows : grid.columns;
+    for (int k = 0; k < corners; ++k) {
+      const Vector2d at = side.along_u ? Vector2d(k, line) : Vector2d(line, k);
+      double step = 0.0;
+      bool seen = true;
+      for (const int a : {-1, 1}) {
+        for (const int b : {-1, 1}) {
+          const auto value = brightness(gray, grid.warp.at(at + 0.25 * Vector2d(a, b)), radius);
+          seen = seen && value;
+          if (value) step += 0.25 * a * b * *value;
+        }
+      }
+      if (!seen) continue;
+      const bool even = (at.x() + at.y()) - 2 * std::floor(0.5 * (at.x() + at.y())) < 0.5;
+      const double expected = even ? grid.at(0, 0).step : -grid.at(0, 0).step;
+      (step * (expected > 0 ? 1 : -1) > 0.7 * grid.step ? next : none)++;
+    }
+    return 2 * (next + none) >= corners && 10 * none >= 7 * (next + none);
+  };
+  return endsOnSide({true, true}) && endsOnSide({true, false}) && endsOnSide({false, true}) &&
+         endsOnSide({false, false});
+}
+
+}  // namespace servocal::board

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core/mat.hpp>
+#include <optional>
+#include <vector>
+
+#include "corner_fit.h"
+#include "lattice.h"
+#include "servocal/core/board_spec.h"
+#include "warp.h"
+
+namespace servocal::board {
+
+/// A whole grid of measured corners, still in the image's own order: u runs over `columns`, v over `rows`,
+/// and v is u turned by +90 degrees from x towards y.
+struct Grid {
+  int columns = 0;
+  int rows = 0;
+  std::vector<CornerFit> corners;  ///< Row by row.
+  Warp warp;
+  Eigen::Vector2d blur_px;         ///< Median blur across edges along u and along v.
+  double step = 0.0;               ///< Median brightness step of the corners (half of white minus black).
+
+  const CornerFit& at(int column, int row) const { return corners[row * columns + column]; }
+  /// Smallest distance between neighboring parallel edges, px.
+  double smallestSpacing() const;
+};
+
+/// Where a board could lie in a lattice: node (i0, j0) is its first corner.
+struct Placement {
+  int i0 = 0, j0 = 0;
+  int columns = 0, rows = 0;
+  int present = 0;  ///< Corners the lattice has; the rest must be found by prediction.
+};
+
+/// Placements of the board in either order of its dimensions, best first. None where the lattice
+/// visibly goes on beyond the board.
+std::vector<Placement> findPlacements(const Lattice& lattice, const BoardSpec& board);
+
+/// Measures every corner of a placement to sub-pixel accuracy. `scale` is the lattice's level: one of its
+/// pixels is `scale` pixels of `gray`. Nothing if a corner cannot be measured or the corners do not lie on
+/// a smoothly distorted plane.
+std::optional<Grid> measureGrid(const cv::Mat& gray, const Lattice& lattice, double scale,
+                                const Placement& placement);
+
+/// Measures the grid's corners once more, leaving out of the windows what a hollow square at the grid's
+/// corner cells disturbs. `hollow` holds (u, v) signs of the grid's corner: (-1,-1) is the cell beyond (0,0).
+bool remeasureBesideHollow(const cv::Mat& gray, const std::vector<Eigen::Vector2i>& hollow,
+                           const BoardSpec& board, Grid& grid);
+
+/// True if colors alternate as on a checkerboard and every side of it ends in a white rim, not in
+/// more squares.
+bool isWholeBoard(const cv::Mat& gray, const Grid& grid, const BoardSpec& board);
+
+/// Mean brightness around a point, or nothing if outside the image.
+std::optional<double> brightness(const cv::Mat& gray, const Eigen::Vector2d& pixel, int radius);
+
+}  // namespace servocal::board

@@ -1,0 +1,299 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "lattice.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <deque>
+
+namespace servocal::board {
+namespace {
+
+using Eigen::Vector2f;
+
+float sample(const cv::Mat& smoothed, const Vector2f& p) {
+  const int x = static_cast<int>(p.x());
+  const int y = static_cast<int>(p.y());
+  const float fx = p.x() - x;
+  const float fy = p.y() - y;
+  const short* a = smoothed.ptr<short>(y) + x;
+  const short* b = smoothed.ptr<short>(y + 1) + x;
+  return (1 - fy) * ((1 - fx) * a[0] + fx * a[1]) + fy * ((1 - fx) * b[0] + fx * b[1]);
+}
+
+// Saddle points by place, for lookups within a few pixels.
+class PlaceIndex {
+ public:
+  static constexpr int kCell = 4;  // px
+
+  PlaceIndex(const cv::Size& size, const std::vector<Saddle>& saddles)
+      : columns_(size.width / kCell + 3),
+        rows_(size.height / kCell + 3),
+        first_(static_cast<std::size_t>(columns_) * rows_, -1),
+        next_(saddles.size(), -1) {
+    for (int k = 0; k < static_cast<int>(saddles.size()); ++k) {
+      int& head = first_[cell(saddles[k].pixel)];
+      next_[k] = head;
+      head = k;
+    }
+  }
+
+  // Calls visit(index) for every saddle in the cells around `p`, hence for all within kCell pixels.
+  template <class Visit>
+  void near(const Vector2f& p, Visit visit) const {
+    const int centre = cell(p);
+    for (int dy = -columns_; dy <= columns_; dy += columns_)
+      for (int dx = -1; dx <= 1; ++dx)
+        for (int k = first_[centre + dy + dx]; k >= 0; k = next_[k]) visit(k);
+  }
+
+ private:
+  int cell(const Vector2f& p) const {
+    const int x = std::clamp(static_cast<int>(p.x()) / kCell, 0, columns_ - 3) + 1;
+    const int y = std::clamp(static_cast<int>(p.y()) / kCell, 0, rows_ - 3) + 1;
+    return y * columns_ + x;
+  }
+
+  int columns_, rows_;
+  std::vector<int> first_, next_;
+};
+
+struct Link {
+  int node = -1;
+  int ray = 0;  // The ray of `node` that points back.
+};
+
+class Linker {
+ public:
+  Linker(const cv::Mat& smoothed, const std::vector<Saddle>& saddles)
+      : smoothed_(smoothed), saddles_(saddles), index_(smoothed.size(), saddles) {}
+
+  // Follows ray k of saddle `from` until the next saddle point, or until the edge ends.
+  Link follow(int from, int k) const {
+    constexpr float kStep = 1.5f;      // px
+    constexpr float kBlind = 3.0f;     // px; next to a corner its other edge disturbs.
+    constexpr int kMaxMisses = 3;
+    const Saddle& start = saddles_[from];
+    const int side = start.raySide(k);
+    const float least_step = 0.25f * start.contrast;
+    Vector2f direction = start.rays[k];
+    Vector2f p = start.pixel;
+    int misses = 0;
+    while (true) {
+      p += kStep * direction;
+      if (!inside(p)) return {};
+      const float gone = (p - start.pixel).norm();
+      const Link link = arrival(from, side, p, gone);
+      if (link.node >= 0) return link;
+      if (gone < kBlind) continue;
+      const Vector2f normal(-direction.y(), direction.x());
+      // Brightness across the edge, oriented so that it rises.
+      std::array<float, 5> profile;
+      for (int s = -2; s <= 2; ++s) profile[s + 2] = side * sample(smoothed_, p + static_cast<float>(s) * normal);
+      if (profile[4] - profile[0] < least_step && profile[3] - profile[1] < least_step) {
+        if (++misses > kMaxMisses) return {};
+        continue;
+      }
+      misses = 0;
+      float weight = 0, moment = 0;
+      for (int s = 0; s < 4; ++s) {
+        const float rise = std::max(profile[s + 1] - profile[s], 0.0f);
+        weight += rise;
+        moment += rise * (s - 1.5f);
+      }
+      p += 0.5f * std::clamp(moment / weight, -1.0f, 1.0f) * normal;
+      // The longer the way, the better the direction is known from its two ends.
+      if (gone > 6.0f) direction = (p - start.pixel).normalized();
+    }
+  }
+
+ private:
+  bool inside(const Vector2f& p) const {
+    return p.x() >= 3 && p.y() >= 3 && p.x() < smoothed_.cols - 4 && p.y() < smoothed_.rows - 4;
+  }
+
+  Link arrival(int from, int side, const Vector2f& p, float gone) const {
+    const Vector2f start = saddles_[from].pixel;
+    Link best;
+    float best_distance = 2.5f;  // px
+    index_.near(p, [&](int k) {
+      if (k == from) return;
+      const Saddle& candidate = saddles_[k];
+      const float distance = (candidate.pixel - p).norm();
+      if (distance >= best_distance) return;
+      const Vector2f way = candidate.pixel - start;
+      const float length = way.norm();
+      if (length < 2.5f || gone < 1.5f) return;
+      const float other = candidate.contrast / saddles_[from].contrast;
+      if (other < 0.25f || other > 4.0f) return;
+      for (int ray = 0; ray < 4; ++ray) {
+        // Turned back, left and right change places; so does black and white at the next corner.
+        if (candidate.raySide(ray) != -side || candidate.rays[ray].dot(way) > -0.85f * length) continue;
+        best = {k, ray};
+        best_distance = distance;
+      }
+    });
+    return best;
+  }
+
+  const cv::Mat& smoothed_;
+  const std::vector<Saddle>& saddles_;
+  PlaceIndex index_;
+};
+
+// One response may leave two peaks a pixel or two apart; the stronger stays.
+std::vector<Saddle> withoutTwins(const cv::Size& size, const std::vector<Saddle>& saddles) {
+  const PlaceIndex index(size, saddles);
+  std::vector<Saddle> kept;
+  for (int k = 0; k < static_cast<int>(saddles.size()); ++k) {
+    bool twin = false;
+    index.near(saddles[k].pixel, [&](int other) {
+      if (other == k || (saddles[other].pixel - saddles[k].pixel).squaredNorm() > 2.0f * 2.0f) return;
+      const int mine = saddles[k].response;
+      const int theirs = saddles[other].response;
+      twin = twin || theirs > mine || (theirs == mine && other < k);
+    });
+    if (!twin) kept.push_back(saddles[k]);
+  }
+  return kept;
+}
+
+// Steps along the four axes +i, +j, -i, -j.
+constexpr int kStepI[4] = {1, 0, -1, 0};
+constexpr int kStepJ[4] = {0, 1, 0, -1};
+
+// Adds saddles that no edge led to, where their neighbors say one should be.
+void growByPrediction(Lattice& lattice, const PlaceIndex& index, const std::vector<Saddle>& saddles,
+                      std::vector<bool>& used) {
+  using Key = std::pair<int, int>;
+  const auto find = [&](int i, int j) -> const Lattice::Node* {
+    const auto it = lattice.nodes.find(Key(i, j));
+    return it == lattice.nodes.end() ? nullptr : &it->second;
+  };
+  std::deque<Key> open;
+  for (const auto& [key, node] : lattice.nodes) open.push_back(key);
+  while (!open.empty()) {
+    const auto [oi, oj] = open.front();
+    open.pop_front();
+    for (int axis = 0; axis < 4; ++axis) {
+      const int i = oi + kStepI[axis];
+      const int j = oj + kStepJ[axis];
+      if (find(i, j)) continue;
+      // Mean of the parallelograms and straight continuations that end here.
+      Vector2f sum = Vector2f::Zero();
+      int count = 0;
+      float spacing = 1e9f;
+      int side = 0;
+      for (int a = 0; a < 4; ++a) {
+        const Lattice::Node* near = find(i - kStepI[a], j - kStepJ[a]);
+        if (!near) continue;
+        side = -near->side;
+        if (const Lattice::Node* far = find(i - 2 * kStepI[a], j - 2 * kStepJ[a])) {
+          sum += 2.0f * near->pixel - far->pixel;
+          ++count;
+          spacing = std::min(spacing, (near->pixel - far->pixel).norm());
+        }
+        const int b = (a + 1) % 4;
+        const Lattice::Node* side_near = find(i - kStepI[b], j - kStepJ[b]);
+        const Lattice::Node* opposite = find(i - kStepI[a] - kStepI[b], j - kStepJ[a] - kStepJ[b]);
+        if (side_near && opposite) {
+          sum += near->pixel + side_near->pixel - opposite->pixel;
+          ++count;
+          spacing = std::min(spacing, (near->pixel - opposite->pixel).norm());
+        }
+      }
+      if (count < 2) continue;
+      const Vector2f predicted = sum / static_cast<float>(count);
+      if (!(predicted.array() >= 0).all()) continue;
+      float best_distance = std::clamp(0.2f * spacing, 1.0f, 3.9f);
+      int best = -1;
+      index.near(predicted, [&](int k) {
+        const float distance = (saddles[k].pixel - predicted).norm();
+        if (used[k] || distance >= best_distance) return;
+        best = k;
+        best_distance = distance;
+      });
+      if (best < 0) continue;
+      used[best] = true;
+      lattice.nodes[Key(i, j)] = {saddles[best].pixel, side};
+      open.push_back(Key(i, j));
+      open.push_back(Key(oi, oj));
+    }
+  }
+}
+
+}  // namespace
+
+std::vector<Lattice> findLattices(const cv::Mat& smoothed, const std::vector<Saddle>& found, int min_nodes) {
+  const std::vector<Saddle> saddles = withoutTwins(smoothed.size(), found);
+  const int count = static_cast<int>(saddles.size());
+  if (count < min_nodes) return {};
+  const Linker linker(smoothed, saddles);
+  std::vector<std::array<Link, 4>> links(count);
+  for (int k = 0; k < count; ++k)
+    for (int ray = 0; ray < 4; ++ray) links[k][ray] = linker.follow(k, ray);
+  // A link counts if the way back agrees, or found nothing.
+  for (int k = 0; k < count; ++k) {
+    for (int ray = 0; ray < 4; ++ray) {
+      Link& link = links[k][ray];
+      if (link.node < 0) continue;
+      Link& back = links[link.node][link.ray];
+      if (back.node < 0) back = {k, ray};
+      if (back.node != k || back.ray != ray) link.node = -1;
+    }
+  }
+
+  // Connected pieces, largest first.
+  struct Piece {
+    Lattice lattice;
+    std::vector<int> members;
+  };
+  std::vector<Piece> pieces;
+  std::vector<bool> visited(count, false);
+  std::vector<int> turn(count, 0);  // Ray k of a node is axis (k + turn) % 4.
+  std::vector<std::pair<int, int>> place(count);
+  for (int root = 0; root < count; ++root) {
+    if (visited[root]) continue;
+    Piece piece;
+    const auto add = [&](int node, std::pair<int, int> key, int node_turn) {
+      visited[node] = true;
+      turn[node] = node_turn;
+      place[node] = key;
+      // Ray 0 has its left sector towards ray 1; in axes, the quadrant after axis `turn`.
+      const int side = saddles[node].side * ((node_turn & 1) ? -1 : 1);
+      piece.lattice.nodes[key] = {saddles[node].pixel, side};
+      piece.members.push_back(node);
+    };
+    add(root, {0, 0}, 0);
+    for (std::size_t m = 0; m < piece.members.size(); ++m) {
+      const int node = piece.members[m];
+      for (int ray = 0; ray < 4; ++ray) {
+        const Link& link = links[node][ray];
+        if (link.node < 0 || visited[link.node]) continue;
+        const int axis = (ray + turn[node]) % 4;
+        const std::pair<int, int> key(place[node].first + kStepI[axis], place[node].second + kStepJ[axis]);
+        if (piece.lattice.nodes.count(key)) continue;
+        add(link.node, key, (axis + 2 - link.ray + 4) % 4);
+      }
+    }
+    // A board in pieces is put together by prediction only if one piece is a good part of it.
+    if (static_cast<int>(piece.members.size()) * 2 >= min_nodes) pieces.push_back(std::move(piece));
+  }
+  std::sort(pieces.begin(), pieces.end(),
+            [](const Piece& a, const Piece& b) { return a.members.size() > b.members.size(); });
+
+  std::vector<Lattice> lattices;
+  const PlaceIndex index(smoothed.size(), saddles);
+  std::vector<bool> used(count, false);
+  for (Piece& piece : pieces) {
+    if (used[piece.members.front()]) continue;  // Became part of a larger piece.
+    for (const int node : piece.members) used[node] = true;
+    growByPrediction(piece.lattice, index, saddles, used);
+    if (static_cast<int>(piece.lattice.nodes.size()) >= min_nodes) lattices.push_back(std::move(piece.lattice));
+  }
+  std::sort(lattices.begin(), lattices.end(),
+            [](const Lattice& a, const Lattice& b) { return a.nodes.size() > b.nodes.size(); });
+  return lattices;
+}
+
+}  // namespace servocal::board

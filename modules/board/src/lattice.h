@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+#include <map>
+#include <opencv2/core/mat.hpp>
+#include <utility>
+#include <vector>
+
+#include "saddle.h"
+
+namespace servocal::board {
+
+/// Saddle points joined by edges, with integer coordinates: i and j count squares along two directions
+/// such that j is i turned by +90 degrees from x towards y (never a mirror image).
+struct Lattice {
+  struct Node {
+    Eigen::Vector2f pixel;
+    int side = 1;  ///< +1: brighter in the quadrants where i and j grow or fall together.
+  };
+  std::map<std::pair<int, int>, Node> nodes;
+};
+
+/// Follows the edges that leave each saddle point to the next saddle point and numbers what is connected.
+/// Lattices of fewer than `min_nodes` are dropped; largest first.
+std::vector<Lattice> findLattices(const cv::Mat& smoothed, const std::vector<Saddle>& saddles, int min_nodes);
+
+}  // namespace servocal::board

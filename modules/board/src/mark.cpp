@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mark.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+namespace servocal::board {
+namespace {
+
+using Eigen::Vector2d;
+
+// A unit box from `from` to `to`, blurred: 1 inside, 0 outside.
+double blurredBox(double t, double from, double to, double blur) {
+  const double s = 1.0 / (std::sqrt(2.0) * blur);
+  return 0.5 * (std::erf((t - from) * s) - std::erf((t - to) * s));
+}
+
+std::optional<double> bilinear(const cv::Mat& gray, const Vector2d& p) {
+  if (!(p.x() >= 0 && p.y() >= 0 && p.x() < gray.cols - 1 && p.y() < gray.rows - 1)) return std::nullopt;
+  const int x = static_cast<int>(p.x());
+  const int y = static_cast<int>(p.y());
+  const double fx = p.x() - x, fy = p.y() - y;
+  const uchar* a = gray.ptr<uchar>(y) + x;
+  const uchar* b = gray.ptr<uchar>(y + 1) + x;
+  return (1 - fy) * ((1 - fx) * a[0] + fx * a[1]) + fy * ((1 - fx) * b[0] + fx * b[1]);
+}
+
+// What the corner cell diagonally beyond a corner of the grid looks like.
+struct CornerCell {
+  double hollow = 0.0;    // 1: hollow as printed; 0: solid.
+  double residual = 1.0;  // RMS of what neither explains, in units of white minus black.
+};
+
+std::optional<CornerCell> measureCornerCell(const cv::Mat& gray, const Grid& grid,
+                                            const Eigen::Vector2i& quadrant, const BoardSpec& board) {
+  const double u0 = quadrant.x() < 0 ? -1.0 : grid.columns - 1.0;
+  const double v0 = quadrant.y() < 0 ? -1.0 : grid.rows - 1.0;
+  const Eigen::Matrix2d axes = grid.warp.jacobian({u0 + 0.5, v0 + 0.5});
+  const double area = std::abs(axes.determinant());
+  // Blur in squares; edges along u (blur x) bound the cell in v.
+  const double blur_v = std::max(grid.blur_px.x() / (area / axes.col(0).norm()), 0.02);
+  const double blur_u = std::max(grid.blur_px.y() / (area / axes.col(1).norm()), 0.02);
+  const double inset = 0.5 * (1.0 - board.hollow_inner_ratio);
+
+  // Regression of the brightness on: constant, the cell's own black, the white inside.
+  constexpr int kSamples = 14;
+  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  double squares = 0.0;
+  int count = 0;
+  for (int b = 0; b < kSamples; ++b) {
+    for (int a = 0; a < kSamples; ++a) {
+      // A little over the cell's outer edges, so that the rim's white is part of the picture.
+      double u = -0.25 + 1.25 * (a + 0.5) / kSamples;
+      double v = -0.25 + 1.25 * (b + 0.5) / kSamples;
+      if (quadrant.x() > 0) u = 1.0 - u;
+      if (quadrant.y() > 0) v = 1.0 - v;
+      const auto value = bilinear(gray, grid.warp.at({u0 + u, v0 + v}));
+      if (!value) return std::nullopt;
+      // The cell diagonally inside is black as well.
+      const double u_inner = quadrant.x() < 0 ? 1.0 : -1.0;
+      const double v_inner = quadrant.y() < 0 ? 1.0 : -1.0;
+      const double solid = blurredBox(u, 0, 1, blur_u) * blurredBox(v, 0, 1, blur_v) +
+                           blurredBox(u, u_inner, u_inner + 1, blur_u) * blurredBox(v, v_inner, v_inner + 1, blur_v);
+      const double inside = blurredBox(u, inset, 1 - inset, blur_u) * blurredBox(v, inset, 1 - inset, blur_v);
+      const Eigen::Vector3d row(1.0, -solid, inside);
+      normal += row * row.transpose();
+      right += *value * row;
+      squares += *value * *value;
+      ++count;
+    }
+  }
+  const Eigen::LDLT<Eigen::Matrix3d> solver(normal);
+  const Eigen::Vector3d solution = solver.solve(right);
+  if (!solution.allFinite()) return std::nullopt;
+  const double contrast = 2.0 * grid.step;  // White minus black of the whole board.
+  if (solution[1] < 0.4 * contrast || solution[1] > 2.5 * contrast) return std::nullopt;
+  CornerCell cell;
+  cell.hollow = solution[2] / solution[1];
+  cell.residual = std::sqrt(std::max(squares - solution.dot(right), 0.0) / count) / solution[1];
+  // How strongly the white inside shows through the blur at all.
+  const double visible = blurredBox(0.5, inset, 1 - inset, blur_u) * blurredBox(0.5, inset, 1 - inset, blur_v);
+  if (visible < 0.25) return std::nullopt;
+  return cell;
+}
+
+}  // namespace
+
+Eigen::Vector2i Turn::corner(int x, int y, int columns, int rows) const {
+  switch (quarters) {
+    case 0: return {x, y};
+    case 1: return {columns - 1 - y, x};
+    case 2: return {columns - 1 - x, rows - 1 - y};
+    default: return {y, rows - 1 - x};
+  }
+}
+
+Eigen::Vector2i Turn::firstCorner() const {
+  switch (quarters) {
+    case 0: return {-1, -1};
+    case 1: return {1, -1};
+    case 2: return {1, 1};
+    default: return {-1, 1};
+  }
+}
+
+MarkResult findTurn(const cv::Mat& gray, const Grid& grid, const BoardSpec& board) {
+  MarkResult result;
+  // Turns whose dimensions fit, and whose square (0,0) is black: the one diagonally outside corner 0.
+  for (int quarters = 0; quarters < 4; ++quarters) {
+    const bool swapped = quarters % 2 == 1;
+    if ((swapped ? grid.rows : grid.columns) != board.cornersX()) continue;
+    if ((swapped ? grid.columns : grid.rows) != board.cornersY()) continue;
+    const Turn turn{quarters};
+    const Eigen::Vector2i first = turn.corner(0, 0, grid.columns, grid.rows);
+    const Eigen::Vector2i quadrant = turn.firstCorner();
+    // step > 0: bright where u and v grow together, which is where the outside cell lies if the signs of
+    // its quadrant agree.
+    const bool outside_is_white = (grid.at(first.x(), first.y()).step > 0) == (quadrant.x() * quadrant.y() > 0);
+    if (!outside_is_white) result.turns.push_back(turn);
+  }
+  if (result.turns.empty()) return result;
+  if (!board.hollow_corner) {
+    result.status = result.turns.size() == 1 ? MarkStatus::kFound : MarkStatus::kUndecided;
+    return result;
+  }
+
+  result.status = MarkStatus::kUndecided;
+  constexpr double kHollow = 0.6, kMostHollow = 1.5;  // A solid square measures 0, a hollow one 1.
+  constexpr double kSolid = 0.25;
+  constexpr double kMostResidual = 0.2;
+  std::vector<Turn> hollow;
+  bool clear = true;
+  for (int quarters = 0; quarters < 4; ++quarters) {
+    const Turn turn{quarters};
+    const auto cell = measureCornerCell(gray, grid, turn.firstCorner(), board);
+    const bool possible = std::any_of(result.turns.begin(), result.turns.end(),
+                                      [&](const Turn& t) { return t.quarters == quarters; });
+    if (!cell) {
+      clear = clear && !possible;
+      continue;
+    }
+    const bool is_hollow = cell->hollow > kHollow && cell->hollow < kMostHollow && cell->residual < kMostResidual;
+    if (is_hollow) {
+      // At a corner where this board cannot have it: the picture is mirrored, or another board.
+      if (!possible) return {};
+      hollow.push_back(turn);
+    } else if (possible && (std::abs(cell->hollow) > kSolid || cell->residual > kMostResidual)) {
+      clear = false;
+    }
+  }
+  if (clear && hollow.size() == 1) {
+    result.status = MarkStatus::kFound;
+    result.turns = hollow;
+  }
+  return result;
+}
+
+}  // namespace servocal::board

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "search.h"
+
+#include <algorithm>
+#include <opencv2/core/hal/intrin.hpp>
+
+#include "lattice.h"
+#include "saddle.h"
+
+namespace servocal::board {
+namespace {
+
+// Measures and checks one place where the board may lie.
+std::optional<Found> examine(const cv::Mat& gray, const BoardSpec& board, const Lattice& lattice, double scale,
+                             const Placement& placement) {
+  auto grid = measureGrid(gray, lattice, scale, placement);
+  if (!grid || !isWholeBoard(gray, *grid, board)) return std::nullopt;
+  Found found{std::move(*grid), {}};
+  found.mark = findTurn(gray, found.grid, board);
+  if (found.mark.status == MarkStatus::kImpossible) return std::nullopt;
+  if (board.hollow_corner) {
+    std::vector<Eigen::Vector2i> hollow;
+    for (const Turn& turn : found.mark.turns) hollow.push_back(turn.firstCorner());
+    if (!remeasureBesideHollow(gray, hollow, board, found.grid)) return std::nullopt;
+  }
+  return found;
+}
+
+}  // namespace
+
+cv::Mat halve(const cv::Mat& gray) {
+  cv::Mat half(gray.rows / 2, gray.cols / 2, CV_8UC1);
+  for (int y = 0; y < half.rows; ++y) {
+    const uchar* a = gray.ptr<uchar>(2 * y);
+    const uchar* b = gray.ptr<uchar>(2 * y + 1);
+    uchar* out = half.ptr<uchar>(y);
+    int x = 0;
+#if CV_SIMD128
+    using namespace cv;
+    const v_uint16x8 low = v_setall_u16(0xff);
+    const auto pairs = [&](const uchar* row) {
+      const v_uint16x8 both = v_reinterpret_as_u16(v_load(row));
+      return (both & low) + (both >> 8);
+    };
+    const v_uint16x8 two = v_setall_u16(2);
+    for (; x + 8 <= half.cols; x += 8)
+      v_pack_store(out + x, (pairs(a + 2 * x) + pairs(b + 2 * x) + two) >> 2);
+#endif
+    for (; x < half.cols; ++x)
+      out[x] = static_cast<uchar>((a[2 * x] + a[2 * x + 1] + b[2 * x] + b[2 * x + 1] + 2) >> 2);
+  }
+  return half;
+}
+
+std::optional<Found> searchBoard(const cv::Mat& gray, const BoardSpec& board, const std::vector<int>& levels) {
+  std::vector<cv::Mat> pyramid{gray};
+  const int min_nodes = std::max(4, board.cornerCount() * 7 / 10);
+  for (const int level : levels) {
+    while (static_cast<int>(pyramid.size()) <= level) pyramid.push_back(halve(pyramid.back()));
+    const cv::Mat& image = pyramid[level];
+    if (image.cols < 24 || image.rows < 24) continue;
+    const cv::Mat smoothed = smooth(image);
+    const auto lattices = findLattices(smoothed, findSaddles(smoothed), min_nodes);
+    const double scale = 1 << level;
+    for (const Lattice& lattice : lattices)
+      for (const Placement& placement : findPlacements(lattice, board))
+        if (auto found = examine(gray, board, lattice, scale, placement)) return found;
+  }
+  return std::nullopt;
+}
+
+}  // namespace servocal::board
