@@ -4,7 +4,8 @@
 
 #include "servocal/app/main.h"
 #include "servocal/core/error.h"
-#include "servocal/procedure/solve.h"
+#include "servocal/procedure/recorded.h"
+#include "servocal/procedure/summary.h"
 #include "servocal/session/image_set.h"
 #include "servocal/session/session.h"
 

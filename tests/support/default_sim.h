@@ -10,22 +10,22 @@ namespace servocal::test {
 inline CellConfig defaultSimCell() {
   CellConfig config;
   config.name = "default";
-  config.arm.start_q.resize(6);
-  config.arm.start_q << 3.37, -1.80, 2.30, -0.50, 1.60, 0.0;
-  config.limits.workspace = {"workspace", {-0.2, -0.75, 0.02}, {0.95, 0.75, 1.0}};
-  config.limits.keep_out = {{"camera", {0.90, -0.15, 0.20}, {1.20, 0.15, 0.50}},
+  // Elbow up, wrist below the forearm; the board faces the camera from 0.6 m.
+  config.arm.start_q = (Eigen::VectorXd(6) << 164.5, -82.1, 113.6, 148.5, -74.5, 0.0).finished() * M_PI / 180.0;
+  config.limits.workspace = {"workspace", {0.0, -0.75, 0.02}, {1.0, 0.75, 1.0}};
+  config.limits.keep_out = {{"camera", {1.00, -0.15, 0.25}, {1.30, 0.15, 0.55}},
                             {"arm base", {-0.15, -0.15, 0.0}, {0.15, 0.15, 0.30}}};
   CameraConfig camera;
   camera.name = "front";
   config.cameras = {camera};
 
   SimulationConfig simulation;
-  // The board's back on the flange: its z points into the flange, against the flange's own.
-  simulation.nominal_eMo = Pose<EndEffector, Board>::fromRotationVector({M_PI, 0.0, 0.0}, {0.0, 0.0, 0.06});
+  // The board's back is towards the flange: its z points against the flange's own.
+  simulation.nominal_eMo = Pose<EndEffector, Board>::fromRotationVector({0.0, M_PI, 0.0}, {0.0, 0.0, 0.06});
   SimulatedCameraConfig simulated;
   simulated.name = camera.name;
-  simulated.position_m = {1.05, 0.0, 0.35};
-  simulated.look_at_m = {0.0, 0.0, 0.35};
+  simulated.position_m = {1.15, 0.0, 0.40};
+  simulated.look_at_m = {0.0, 0.0, 0.40};
   simulation.cameras = {simulated};
   config.simulation = simulation;
   return config;

@@ -19,6 +19,8 @@ class ColorRenderer {
  public:
   ColorRenderer(const BoardSpec& board, const Lens& lens, const Light& light,
                 const SimulatedCameraConfig& camera, bool clutter, std::uint64_t seed);
+  ColorRenderer(const ColorRenderer&) = delete;  // The board's layer refers to the ray table.
+  ColorRenderer& operator=(const ColorRenderer&) = delete;
 
   /// cMo at a fraction of the exposure, 0 its begin and 1 its end.
   using BoardMotion = std::function<Eigen::Isometry3d(double)>;

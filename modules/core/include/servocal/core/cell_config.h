@@ -85,10 +85,10 @@ struct SimulatedCameraConfig {
   double rate_hz = 30.0;
   double exposure_s = 0.020;
   double latency_s = 0.045;            ///< End of exposure to delivery.
-  double defocus_px = 0.8;             ///< Standard deviation of the point spread in focus, px.
+  double defocus_px = 0.9;             ///< Standard deviation of the point spread in focus, px.
   double focus_distance_m = 0.7;
   double defocus_px_per_diopter = 0.6; ///< Added (in quadrature) per 1/m off the focus distance.
-  double noise_gray = 3.0;             ///< Standard deviation at mid gray; of 255.
+  double noise_gray = 7.0;             ///< Standard deviation at mid gray; of 255.
 };
 
 /// The simulated cell's truth and difficulty. A calibration run never sees these numbers.

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <csignal>
+#include <cstdint>
+#include <filesystem>
+#include <iostream>
+
+#include "servocal/app/main.h"
+#include "servocal/app/progress.h"
+#include "servocal/core/cell_config.h"
+#include "servocal/procedure/calibrate.h"
+#include "servocal/procedure/summary.h"
+#include "servocal/robot/guard.h"
+#include "servocal/session/session.h"
+#include "servocal/sim/cell.h"
+
+namespace {
+
+using namespace servocal;
+
+robot::Guard* guard_of_signals = nullptr;
+void stopOnSignal(int) { guard_of_signals->operatorStop(); }
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App cli("Calibrates the camera of a cell: the arm carries the board, a visual servo drives it to what "
+               "the camera has not seen yet. Moves the simulated arm; real arms are not supported yet.",
+               "servocal-calibrate");
+  std::string cell_file;
+  std::filesystem::path out;
+  std::uint64_t seed = 1;
+  cli.add_option("CELL", cell_file, "Cell file (docs/cell-file.md); the built-in simulated cell if not given");
+  cli.add_option("--out", out, "Folder for session and result; must not hold a session yet")->required();
+  cli.add_option("--seed", seed, "Seed of the simulated cell")->capture_default_str();
+  cli.footer("Example:\n  $ servocal-calibrate --out runs/first --seed 1\n");
+  return app::guardedMain(cli, argc, argv, [&] {
+    const CellConfig cell = cell_file.empty() ? defaultCell() : loadCell(cell_file);
+    session::Session session = session::Session::create(out, cell.text, cell.board, seed);
+    sim::Cell simulation(cell, seed);
+    const robot::Kinematics kinematics(cell.arm);
+    robot::Guard guard(simulation.arm(), kinematics, simulation.clock(), cell.limits, cell.board);
+    guard_of_signals = &guard;
+    struct sigaction action = {};
+    action.sa_handler = stopOnSignal;
+    action.sa_flags = SA_RESETHAND;  // a second Ctrl-C ends the program at once
+    for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaction(signal, &action, nullptr);
+
+    procedure::Devices devices{simulation.clock(), guard, {}};
+    for (const CameraConfig& camera : cell.cameras) devices.cameras.push_back(&simulation.camera(camera.name));
+    app::Progress progress;
+    CalibrationResult result = procedure::calibrate(
+        cell, devices, session, [&](const procedure::Event& event) { progress.show(procedure::line(event)); });
+    progress.finish();
+
+    result.provenance = "servocal-calibrate, simulated cell '" + cell.name + "', seed " + std::to_string(seed);
+    session::saveResult(out / "result.yaml", result);
+    std::cout << procedure::summary(result) << "Wrote " << (out / "result.yaml").string() << " and the session in "
+              << out.string() << '\n';
+    return result.goal_met ? app::kOk : app::kGoalNotMet;
+  });
+}

@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "servocal/plan/next_view.h"
+
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+
+namespace servocal::plan {
+namespace {
+
+constexpr int kMinCornersInCell = 6;  // a view that brings fewer to its cell is not worth the drive
+constexpr double kStopTimeS = 1.5;    // settling and grabbing, beside the travel
+
+struct Candidate {
+  Pose<Color, Board> cdMo;
+  std::vector<Eigen::Vector2d> pixels;
+  double utility = 0.0;
+};
+
+/// The corners' pixels if all squares are inside the image by the margin.
+std::optional<std::vector<Eigen::Vector2d>> visibleCorners(const Pose<Color, Board>& cMo,
+                                                           const CameraModel& camera, const BoardSpec& board,
+                                                           double margin_px) {
+  const double half_x = 0.5 * board.squares_x * board.square_size_m;
+  const double half_y = 0.5 * board.squares_y * board.square_size_m;
+  for (const double sx : {-1.0, 0.0, 1.0}) {
+    for (const double sy : {-1.0, 0.0, 1.0}) {
+      const auto pixel = camera.project(cMo * Eigen::Vector3d(sx * half_x, sy * half_y, 0.0));
+      if (!pixel || !camera.contains(*pixel, margin_px)) return std::nullopt;
+    }
+  }
+  std::vector<Eigen::Vector2d> pixels;
+  for (const Eigen::Vector3d& corner : board.corners()) {
+    const auto pixel = camera.project(cMo * corner);
+    if (!pixel) return std::nullopt;
+    pixels.push_back(*pixel);
+  }
+  return pixels;
+}
+
+/// Rotations of the board against the image plane: one per tilt bin, and two rolled ones.
+std::vector<Eigen::Matrix3d> orientations(const PlanOptions& options) {
+  using Eigen::AngleAxisd;
+  using Eigen::Vector3d;
+  const double tilt = options.tilt_rad, roll = options.roll_rad;
+  std::vector<Eigen::Matrix3d> rotations = {Eigen::Matrix3d::Identity()};
+  for (const double sign : {-1.0, 1.0}) {
+    rotations.push_back(AngleAxisd(sign * tilt, Vector3d::UnitX()).toRotationMatrix());
+    rotations.push_back(AngleAxisd(sign * tilt, Vector3d::UnitY()).toRotationMatrix());
+    rotations.push_back(AngleAxisd(sign * roll, Vector3d::UnitZ()).toRotationMatrix());
+    rotations.push_back((AngleAxisd(sign * 0.6 * tilt, Vector3d::UnitX()) *
+                         AngleAxisd(sign * roll, Vector3d::UnitZ()))
+                            .toRotationMatrix());
+  }
+  return rotations;
+}
+
+double travelTimeS(const Pose<Base, EndEffector>& from, const Pose<Base, EndEffector>& to,
+                   const MotionLimits& limits) {
+  return std::max(distanceM(from, to) / limits.max_speed_mps, angleRad(from, to) / limits.max_angular_speed_radps);
+}
+
+bool nearSingular(const robot::Guard& guard, const Eigen::VectorXd& q, double min_singular_value) {
+  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(guard.kinematics().jacobian(q));
+  return svd.singularValues().minCoeff() < min_singular_value;
+}
+
+/// True if the flange can go straight from `from_q` to the pose: every step allowed, joints continuous.
+bool straightWayFree(const robot::Guard& guard, const Eigen::VectorXd& from_q,
+                     const Pose<Base, EndEffector>& bMe_goal, double min_singular_value) {
+  constexpr double kMaxJointStepRad = 0.5;
+  const Pose<Base, EndEffector> bMe_from = guard.kinematics().forward(from_q);
+  const Eigen::Quaterniond q_from = bMe_from.quaternion(), q_goal = bMe_goal.quaternion();
+  const int steps = 2 + static_cast<int>(std::max(distanceM(bMe_from, bMe_goal) / 0.05,
+                                                  angleRad(bMe_from, bMe_goal) / 0.15));
+  Eigen::VectorXd q = from_q;
+  for (int i = 1; i <= steps; ++i) {
+    const double t = double(i) / steps;
+    const auto bMe = Pose<Base, EndEffector>::fromQuaternion(
+        q_from.slerp(t, q_goal), (1 - t) * bMe_from.translation() + t * bMe_goal.translation());
+    const auto next = guard.kinematics().inverse(bMe, q, guard.limits().joint_margin_rad);
+    if (!next || (*next - q).cwiseAbs().maxCoeff() > kMaxJointStepRad) return false;
+    if (!guard.allows(*next) || nearSingular(guard, *next, min_singular_value)) return false;
+    q = *next;
+  }
+  return true;
+}
+
+}  // namespace
+
+NextView nextView(const coverage::Coverage& coverage, const Belief& belief, const BoardSpec& board,
+                  const robot::Guard& guard, const Eigen::VectorXd& current_q, const Eigen::VectorXd& start_q,
+                  const std::vector<Pose<Color, Board>>& tried, const PlanOptions& options) {
+  const CameraModel& camera = belief.camera;
+  const auto bMe_now = guard.kinematics().forward(current_q);
+  const auto bMeOf = [&](const Pose<Color, Board>& cdMo) { return belief.bMc * cdMo * belief.eMo.inverse(); };
+  const auto isTried = [&](const Pose<Color, Board>& cdMo) {
+    return std::any_of(tried.begin(), tried.end(), [&](const Pose<Color, Board>& old) {
+      return distanceM(cdMo, old) < 0.03 && angleRad(cdMo, old) < 0.1;
+    });
+  };
+  const auto rotations = orientations(options);
+
+  // Candidates that serve `cell`, or the marginals anywhere near the image centre, best first.
+  const auto candidatesFor = [&](std::optional<int> cell) {
+    constexpr int kSteps = 8;  // image positions per side of the window around the cell
+    const Eigen::Vector2d size(camera.width_px, camera.height_px);
+    const Eigen::Vector2d middle = cell ? coverage.cellCenter(*cell) : Eigen::Vector2d(0.5 * size);
+    std::vector<Candidate> candidates;
+    for (int i = -kSteps; i <= kSteps; ++i) {
+      for (int j = -kSteps; j <= kSteps; ++j) {
+        const Eigen::Vector2d pixel = middle + Eigen::Vector2d(i * 0.2 / kSteps, j * 0.25 / kSteps).cwiseProduct(size);
+        const auto ray = camera.unproject(pixel);
+        if (!ray || !camera.contains(pixel)) continue;
+        for (const double distance_m : options.distances_m) {
+          for (const Eigen::Matrix3d& rotation : rotations) {
+            Candidate candidate{Pose<Color, Board>(rotation, distance_m * ray->homogeneous()), {}, 0.0};
+            const int marginals = coverage.missingMarginals(candidate.cdMo);
+            if (!cell && marginals == 0) continue;
+            auto pixels = visibleCorners(candidate.cdMo, camera, board, options.image_margin_px);
+            if (!pixels) continue;
+            bool fills_cell = false;
+            if (cell) {
+              const int missing = coverage.missingToFill(*cell);
+              const auto in_cell = std::count_if(pixels->begin(), pixels->end(), [&](const auto& p) {
+                return coverage.cellAt(p) == cell;
+              });
+              if (in_cell < std::min(missing, kMinCornersInCell)) continue;
+              fills_cell = in_cell >= missing;
+            }
+            candidate.pixels = std::move(*pixels);
+            candidate.utility = (coverage.missingCorners(candidate.pixels) + 5.0 * marginals + 8.0 * fills_cell) /
+                                (kStopTimeS + travelTimeS(bMe_now, bMeOf(candidate.cdMo), guard.limits()));
+            candidates.push_back(std::move(candidate));
+          }
+        }
+      }
+    }
+    std::stable_sort(candidates.begin(), candidates.end(),
+                     [](const Candidate& a, const Candidate& b) { return a.utility > b.utility; });
+    return candidates;
+  };
+
+  const auto firstReachable = [&](const std::vector<Candidate>& candidates,
+                                  std::optional<int> cell) -> std::optional<PlannedView> {
+    std::vector<const Candidate*> blocked;  // reachable somehow, but not straight from here
+    for (const Candidate& candidate : candidates) {
+      if (isTried(candidate.cdMo)) continue;
+      const auto bMe = bMeOf(candidate.cdMo);
+      const auto q = guard.kinematics().inverse(bMe, current_q, guard.limits().joint_margin_rad);
+      if (!q || !guard.allows(*q)) continue;
+      if (straightWayFree(guard, current_q, bMe, options.min_singular_value)) {
+        return PlannedView{candidate.cdMo, bMe, cell, false};
+      }
+      if (blocked.size() < 40) blocked.push_back(&candidate);
+    }
+    if (!straightWayFree(guard, current_q, guard.kinematics().forward(start_q), options.min_singular_value)) {
+      return std::nullopt;
+    }
+    for (const Candidate* candidate : blocked) {
+      const auto bMe = bMeOf(candidate->cdMo);
+      if (straightWayFree(guard, start_q, bMe, options.min_singular_value)) {
+        return PlannedView{candidate->cdMo, bMe, cell, true};
+      }
+    }
+    return std::nullopt;
+  };
+
+  NextView next;
+  for (const int cell : coverage.openCells()) {
+    next.view = firstReachable(candidatesFor(cell), cell);
+    if (next.view) return next;
+    next.unreachable.push_back(cell);
+  }
+  next.view = firstReachable(candidatesFor(std::nullopt), std::nullopt);
+  return next;
+}
+
+}  // namespace servocal::plan

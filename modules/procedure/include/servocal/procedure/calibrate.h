@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "servocal/core/cell_config.h"
+#include "servocal/core/clock.h"
+#include "servocal/core/result.h"
+#include "servocal/robot/guard.h"
+#include "servocal/sensor/rgbd_camera.h"
+#include "servocal/session/session.h"
+
+namespace servocal::procedure {
+
+/// The devices of a cell, simulated or real. They must outlive the run.
+struct Devices {
+  Clock& clock;
+  robot::Guard& guard;
+  std::vector<sensor::RgbdCamera*> cameras;  ///< Same order as CellConfig::cameras.
+};
+
+/// Something the operator may want to see, at most a few per second.
+struct Event {
+  Instant stamp{};
+  std::string stage;                ///< "bootstrap", "tilt", "cover", "solve"
+  int done = 0;                     ///< Views of this stage so far,
+  int planned = 0;                  ///< of so many at most.
+  std::optional<double> eta_s;      ///< Until the end of the run, simulated or wall time of the run's clock.
+  std::optional<double> rms_px;     ///< Reprojection error of the accumulated estimate.
+  std::optional<double> scatter_m;  ///< Hand-eye scatter of the accumulated estimate.
+  std::string message;
+};
+using EventSink = std::function<void(const Event&)>;
+
+/// Calibrates a camera that stands in the cell while the arm carries the board: bootstrap by probing
+/// motions, tilt limits, coverage by visual servoing, solve. Every observation is in the session before
+/// anything else uses it. Ends with the arm at rest.
+///
+/// Source: Miseikis, Glette, Elle, Torresen, "Automatic Calibration of a Robot Manipulator and Multi 3D
+/// Camera System", 2016, Algorithm 1.
+///
+/// @throws Error kInterrupted when the operator stopped the run (the session keeps what was seen),
+///   kSafetyStop and kHardwareAbsent from the devices, kBadData from the disk.
+CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, session::Session& session,
+                            const EventSink& on_event);
+
+}  // namespace servocal::procedure

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "board_observer.h"
+
+#include "servocal/calib/board_pose.h"
+
+namespace servocal::procedure {
+namespace {
+
+// A plane seen from afar has two poses that fit almost alike; below this ratio of residuals the better
+// fit decides alone.
+constexpr double kClearlyBetter = 0.6;
+
+}  // namespace
+
+BoardObserver::BoardObserver(const BoardSpec& board, sensor::RgbdCamera& camera, const CameraModel& model)
+    : board_(board), camera_(camera), model_(model), detector_(board) {}
+
+servo::Look BoardObserver::look(Instant deadline) {
+  servo::Look look;
+  const auto seen = see(deadline);
+  if (!seen) return look;
+  look.frame = seen->frame.stamp;
+  // A turned board would turn the servo error: without the mark there is no sight.
+  if (!seen->detection || !seen->detection->orientation_known) return look;
+  const auto cMo = poseOf(*seen->detection);
+  if (!cMo) return look;
+  servo::Sight sight;
+  sight.stamp = seen->frame.stamp;
+  sight.cMo = *cMo;
+  for (const Corner& corner : seen->detection->corners) sight.pixels.push_back(corner.pixel);
+  look.sight = std::move(sight);
+  return look;
+}
+
+std::optional<SeenFrame> BoardObserver::see(Instant deadline) {
+  auto frame = camera_.next(Stream::kColor, deadline);
+  if (!frame) return std::nullopt;
+  SeenFrame seen;
+  seen.detection = detector_.detect(frame->image);
+  seen.frame = std::move(*frame);
+  return seen;
+}
+
+std::optional<Pose<Color, Board>> BoardObserver::poseOf(const BoardDetection& detection) {
+  const auto poses = calib::boardPoses(board_, model_, detection);
+  if (poses.empty()) return std::nullopt;
+  std::size_t best = 0;
+  if (poses.size() > 1 && last_pose_ && poses[0].rms_px > kClearlyBetter * poses[1].rms_px &&
+      angleRad(poses[1].cMo, *last_pose_) < angleRad(poses[0].cMo, *last_pose_)) {
+    best = 1;
+  }
+  last_pose_ = poses[best].cMo;
+  return poses[best].cMo;
+}
+
+}  // namespace servocal::procedure

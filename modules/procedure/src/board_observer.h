@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Turns a camera's frames into sights of the board, for the servo loop and for observations.
+#pragma once
+
+#include <opencv2/core/mat.hpp>
+#include <optional>
+
+#include "servocal/board/detector.h"
+#include "servocal/core/board_spec.h"
+#include "servocal/core/camera_model.h"
+#include "servocal/sensor/rgbd_camera.h"
+#include "servocal/servo/drive.h"
+
+namespace servocal::procedure {
+
+/// One frame and what was found in it.
+struct SeenFrame {
+  sensor::Frame frame;
+  std::optional<BoardDetection> detection;
+};
+
+class BoardObserver final : public servo::Observer {
+ public:
+  BoardObserver(const BoardSpec& board, sensor::RgbdCamera& camera, const CameraModel& model);
+
+  servo::Look look(Instant deadline) override;
+  /// The next frame with its detection; nothing if no frame came until `deadline`.
+  std::optional<SeenFrame> see(Instant deadline);
+  /// Board pose of a detection in the current camera model; the planar solution that fits better, or of
+  /// two that fit alike the one nearer to the last pose.
+  std::optional<Pose<Color, Board>> poseOf(const BoardDetection& detection);
+
+  void setModel(const CameraModel& model) { model_ = model; }
+  const CameraModel& model() const { return model_; }
+
+ private:
+  BoardSpec board_;
+  sensor::RgbdCamera& camera_;
+  CameraModel model_;
+  board::Detector detector_;
+  std::optional<Pose<Color, Board>> last_pose_;
+};
+
+}  // namespace servocal::procedure

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "servocal/procedure/summary.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdarg>
+#include <cstdio>
+
+#include "servocal/core/pose.h"
+
+namespace servocal::procedure {
+namespace {
+
+constexpr double kRadToDeg = 180.0 / M_PI;
+
+[[gnu::format(printf, 1, 2)]] std::string format(const char* pattern, ...) {
+  char buffer[512];
+  va_list arguments;
+  va_start(arguments, pattern);
+  std::vsnprintf(buffer, sizeof buffer, pattern, arguments);
+  va_end(arguments);
+  return buffer;
+}
+
+/// "5 of 6"
+std::string usedOfFound(const std::vector<ViewResidual>& views) {
+  const auto used = std::count_if(views.begin(), views.end(), [](const ViewResidual& view) { return view.used; });
+  return std::to_string(used) + " of " + std::to_string(views.size());
+}
+
+std::string intrinsicsText(const IntrinsicsResult& intrinsics) {
+  const CameraModel& camera = intrinsics.camera;
+  const bool solved = intrinsics.sigma.size() == camera.parameters.size();
+  std::string text = format("  Intrinsics, %d x %d px, %s, ", camera.width_px, camera.height_px, toString(camera.lens));
+  text += solved ? format("from %s views (%d corners), residual %.3f px RMS\n",
+                          usedOfFound(intrinsics.views).c_str(), intrinsics.corners, intrinsics.rms_px)
+                 : std::string("given\n");
+  const auto& names = parameterNames(camera.lens);
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    text += format(i < 4 ? "    %-3s %11.3f" : "    %-3s %11.5f", names[i].c_str(), camera.parameters[i]);
+    if (solved) text += format(i < 4 ? " +- %.3f" : " +- %.5f", intrinsics.sigma[i]);
+    if (i < 4) text += " px";
+    if (i % 2 == 1 || i + 1 == names.size()) text += '\n';
+  }
+  return text;
+}
+
+std::string poseText(const char* what, const Eigen::Isometry3d& pose, const Eigen::Matrix<double, 6, 1>& sigma) {
+  const Eigen::Vector3d t_mm = pose.translation() * 1e3;
+  const Eigen::AngleAxisd turn(pose.linear());
+  const Eigen::Vector3d r_deg = turn.angle() * kRadToDeg * turn.axis();
+  const Eigen::Vector3d sigma_mm = sigma.head<3>() * 1e3, sigma_deg = sigma.tail<3>() * kRadToDeg;
+  return format("    %-28s t = (%9.2f, %9.2f, %9.2f) +- (%.2f, %.2f, %.2f) mm\n", what, t_mm.x(), t_mm.y(), t_mm.z(),
+                sigma_mm.x(), sigma_mm.y(), sigma_mm.z()) +
+         format("    %-28s r = (%9.3f, %9.3f, %9.3f) +- (%.3f, %.3f, %.3f) deg (rotation vector)\n", "", r_deg.x(),
+                r_deg.y(), r_deg.z(), sigma_deg.x(), sigma_deg.y(), sigma_deg.z());
+}
+
+std::string handEyeText(const HandEyeSolution& hand_eye) {
+  const bool fixed = hand_eye.mount == Mount::kFixed;
+  return poseText(fixed ? "camera in base (bMc)" : "camera on flange (eMc)", hand_eye.camera_pose,
+                  hand_eye.camera_sigma) +
+         poseText(fixed ? "board on flange (eMo)" : "board in base (bMo)", hand_eye.board_pose, hand_eye.board_sigma) +
+         format("    %s views, residual %.3f px RMS, robot corrected by %.2f mm and %.3f deg RMS; scatter if the robot is\n"
+                "    believed: %.2f mm, %.3f deg. A residual is fit, not accuracy.\n",
+                usedOfFound(hand_eye.views).c_str(), hand_eye.rms_px, hand_eye.robot_rms_m * 1e3, hand_eye.robot_rms_rad * kRadToDeg,
+                hand_eye.scatter_m * 1e3, hand_eye.scatter_rad * kRadToDeg);
+}
+
+std::string coverageText(const CoverageSummary& coverage) {
+  int filled = 0, given_up = 0;
+  std::string grid;
+  for (int row = 0; row < coverage.cells_y; ++row) {
+    grid += "    ";
+    for (int column = 0; column < coverage.cells_x; ++column) {
+      const std::size_t cell = row * coverage.cells_x + column;
+      const bool full = coverage.corners_per_cell[cell] >= coverage.corners_to_fill;
+      filled += full;
+      given_up += !full && coverage.unreachable[cell];
+      grid += full ? format("%4d", coverage.corners_per_cell[cell]) : coverage.unreachable[cell] ? "   -" : "   .";
+    }
+    grid += '\n';
+  }
+  std::string text = format("  Coverage: %d of %d image cells hold %d corners or more, %d out of reach (-)\n", filled,
+                            coverage.cells_x * coverage.cells_y, coverage.corners_to_fill, given_up) + grid;
+  text += format("    views: %d near, %d far;", coverage.near_views, coverage.far_views);
+  for (const auto& [bin, views] : coverage.tilt_bins) text += format(" %s %d", bin.c_str(), views);
+  return text + '\n';
+}
+
+std::string rejectedText(const std::vector<ViewResidual>& views) {
+  std::string text;
+  for (const ViewResidual& view : views) {
+    if (!view.used) text += "    left out: " + view.name + " (" + view.reason + ")\n";
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string line(const Event& event) {
+  std::string text = format("%6.1f s  %-9s %3d/%-3d", toSeconds(event.stamp), event.stage.c_str(), event.done,
+                            event.planned);
+  text += event.eta_s ? format("  ETA %4.0f s", *event.eta_s) : std::string("             ");
+  if (event.rms_px) text += format("  reprojection %.3f px", *event.rms_px);
+  if (event.scatter_m) text += format("  hand-eye scatter %.2f mm", *event.scatter_m * 1e3);
+  if (!event.message.empty()) text += "  " + event.message;
+  return text;
+}
+
+std::string summary(const CalibrationResult& result) {
+  std::string text = result.goal_met ? "Goal met.\n" : "Goal not met:\n";
+  for (const std::string& missing : result.missing) text += "  - " + missing + "\n";
+  for (const CameraResult& camera : result.cameras) {
+    text += "Camera " + camera.camera + "\n" + intrinsicsText(camera.intrinsics) +
+            rejectedText(camera.intrinsics.views);
+    if (camera.hand_eye) {
+      text += "  Hand-eye\n" + handEyeText(*camera.hand_eye) + rejectedText(camera.hand_eye->views);
+    }
+    if (camera.coverage) text += coverageText(*camera.coverage);
+    if (!camera.tilt_limits.empty()) {
+      text += "  Tilt limits:";
+      for (const TiltLimit& limit : camera.tilt_limits) {
+        text += format(" %s %.0f deg (%s)", limit.direction.c_str(), limit.limit_rad * kRadToDeg, limit.ended_by.c_str());
+      }
+      text += '\n';
+    }
+  }
+  text += format("%d observations", result.observations);
+  if (result.motion_time_s > 0) {
+    text += format("; first to last motion %.1f s, of which tilt search %.1f s", result.motion_time_s,
+                   result.tilt_time_s);
+  }
+  return text + "\n";
+}
+
+}  // namespace servocal::procedure

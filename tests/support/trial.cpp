@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "trial.h"
+
+#include <chrono>
+#include <ctime>
+
+#include "reachable_cells.h"
+#include "servocal/calib/board_pose.h"
+#include "servocal/procedure/calibrate.h"
+#include "servocal/robot/guard.h"
+#include "servocal/session/session.h"
+#include "servocal/sim/cell.h"
+#include "sim_truth.h"
+
+namespace servocal::test {
+namespace {
+
+double cpuSeconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
+
+/// What a user of the result does: sees a board, wants its corners in the base.
+double boardPointErrorM(const CameraResult& camera, const BoardSpec& board, const CameraModel& true_camera,
+                        const Pose<Base, Color>& true_bMc, const Pose<Color, Board>& true_cMo) {
+  BoardDetection seen;
+  seen.orientation_known = true;
+  for (int id = 0; id < board.cornerCount(); ++id) {
+    const auto pixel = true_camera.project(true_cMo * board.corner(id));
+    if (pixel) seen.corners.push_back({id, *pixel, 0.01 * Eigen::Matrix2d::Identity()});
+  }
+  const auto poses = calib::boardPoses(board, camera.intrinsics.camera, seen);
+  if (poses.empty()) return std::numeric_limits<double>::infinity();
+  const Pose<Base, Color> bMc(camera.hand_eye->camera_pose);
+  double sum = 0.0;
+  for (const Eigen::Vector3d& corner : board.corners()) {
+    sum += (bMc * (poses.front().cMo * corner) - true_bMc * (true_cMo * corner)).squaredNorm();
+  }
+  return std::sqrt(sum / board.cornerCount());
+}
+
+}  // namespace
+
+Trial runTrial(const CellConfig& cell, std::uint64_t seed, const std::filesystem::path& folder) {
+  const auto wall_begin = std::chrono::steady_clock::now();
+  const double cpu_begin = cpuSeconds();
+  sim::Cell simulation(cell, seed);
+  const robot::Kinematics kinematics(cell.arm);
+  Trial trial;
+  {
+    robot::Guard guard(simulation.arm(), kinematics, simulation.clock(), cell.limits, cell.board);
+    procedure::Devices devices{simulation.clock(), guard, {}};
+    for (const CameraConfig& camera : cell.cameras) devices.cameras.push_back(&simulation.camera(camera.name));
+    auto session = session::Session::create(folder, cell.text, cell.board, seed);
+    trial.result = procedure::calibrate(cell, devices, session, {});
+    for (const Attempt& attempt : session.attempts()) {
+      trial.target_losses += attempt.stage != "tilt" && attempt.status == DriveStatus::kTargetLost;
+    }
+    for (const Observation& observation : session.observations()) {
+      trial.coverage_views += observation.stage == "cover";
+    }
+  }
+  trial.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - wall_begin).count();
+  trial.cpu_s = cpuSeconds() - cpu_begin;
+
+  // From here on the truth is read, after the run has ended.
+  const sim::Truth truth(simulation);
+  const std::string& name = cell.cameras.front().name;
+  const ReachableCells reachable = reachableCells(cell, truth, name);
+  trial.cells = static_cast<int>(reachable.cells.size());
+  trial.reachable_cells = reachable.count();
+  if (trial.result.cameras.empty() || !trial.result.cameras.front().hand_eye) return trial;
+  const CameraResult& camera = trial.result.cameras.front();
+  if (camera.coverage) {
+    for (int i = 0; i < trial.cells; ++i) {
+      trial.filled_reachable_cells +=
+          reachable.cells[i].has_value() && camera.coverage->corners_per_cell[i] >= camera.coverage->corners_to_fill;
+    }
+  }
+  const Pose<Base, Color> bMc(camera.hand_eye->camera_pose), true_bMc = truth.bMc(name);
+  trial.camera_error_m = distanceM(bMc, true_bMc);
+  trial.camera_error_rad = angleRad(bMc, true_bMc);
+  const double z = cell.coverage.near_distance_m;
+  const std::array<Eigen::Vector3d, 5> places = {{{0, 0, z},
+                                                  {-0.3 * z, -0.15 * z, z},
+                                                  {0.3 * z, -0.15 * z, z},
+                                                  {-0.4 * z, 0.2 * z, 1.4 * z},
+                                                  {0.4 * z, 0.2 * z, 1.4 * z}}};
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const auto cMo = Pose<Color, Board>::fromRotationVector({0.4, -0.3, 0.1}, places[i]);
+    trial.board_point_error_m[i] = boardPointErrorM(camera, cell.board, truth.camera(name), true_bMc, cMo);
+  }
+  return trial;
+}
+
+}  // namespace servocal::test

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// One whole calibration of the simulated cell, measured against its truth.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+
+#include "servocal/core/cell_config.h"
+#include "servocal/core/result.h"
+
+namespace servocal::test {
+
+struct Trial {
+  CalibrationResult result;
+  int reachable_cells = 0;         ///< By the truth; see reachable_cells.h.
+  int cells = 0;
+  int filled_reachable_cells = 0;  ///< Of them, filled.
+  int coverage_views = 0;
+  int target_losses = 0;           ///< Drives outside the tilt search that ended with the target lost.
+  double camera_error_m = 0.0;     ///< Estimated against true bMc, at the camera's origin.
+  double camera_error_rad = 0.0;
+  /// RMS error of the board's corners mapped to the base through the estimated intrinsics and bMc, with the
+  /// board at five places of the workspace.
+  std::array<double, 5> board_point_error_m{};
+  double wall_s = 0.0;
+  double cpu_s = 0.0;
+};
+
+/// Calibrates `cell` with `seed`; the session goes to `folder`.
+Trial runTrial(const CellConfig& cell, std::uint64_t seed, const std::filesystem::path& folder);
+
+}  // namespace servocal::test
