@@ -18,8 +18,8 @@ void apply(const SolveOverrides& overrides, calib::IntrinsicsOptions& options) {
   const std::vector<std::string>& names = parameterNames(options.lens);
   for (const std::string& name : options.fixed) {
     if (std::find(names.begin(), names.end(), name) == names.end()) {
-      throw Error(ErrorKind::kInvalidConfig,
-                  std::string("lens model ") + toString(options.lens) + " has no parameter '" + name + "' to fix");
+      throw Error(ErrorKind::kInvalidConfig, std::string("lens model ") + toString(options.lens) +
+                                                 " has no parameter '" + name + "' to fix");
     }
   }
 }
@@ -77,8 +77,9 @@ CalibrationResult solveRecorded(const session::Session& recorded, const SolveOve
   options.mount = cell.cameras.front().mount;
   for (const CameraConfig& camera : cell.cameras) {
     if (camera.mount != options.mount) {
-      throw Error(ErrorKind::kInvalidConfig, name + " has fixed cameras and cameras on the flange; a board is "
-                                                    "only on one side, they cannot be solved together");
+      throw Error(ErrorKind::kInvalidConfig, name +
+                                                 " has fixed cameras and cameras on the flange; a board is "
+                                                 "only on one side, they cannot be solved together");
     }
   }
   options.robot_sigma_m = cell.arm.accuracy_m;
