@@ -86,6 +86,9 @@ class Recording : public ::testing::Test {
     cv::warpPerspective(pattern, big, homography, cv::Size(640 * kOversampling, 480 * kOversampling),
                         cv::INTER_LINEAR, cv::BORDER_CONSTANT, cv::Scalar(150));
     cv::resize(big, image, cv::Size(640, 480), 0, 0, cv::INTER_AREA);
+    cv::Mat noise(image.size(), CV_16SC1);
+    cv::randn(noise, 0, 2);  // OpenCV's default generator: the same in every run
+    cv::add(image, noise, image, cv::noArray(), CV_8U);
     cv::imwrite((folder_ / name).string(), image);
   }
 
