@@ -11,7 +11,9 @@ inline CellConfig defaultSimCell() {
   CellConfig config;
   config.name = "default";
   // Elbow up, wrist below the forearm; the board faces the camera from 0.6 m.
-  config.arm.start_q = (Eigen::VectorXd(6) << 164.5, -82.1, 113.6, 148.5, -74.5, 0.0).finished() * M_PI / 180.0;
+  config.arm.start_q.resize(6);
+  config.arm.start_q << 164.5, -82.1, 113.6, 148.5, -74.5, 0.0;
+  config.arm.start_q *= M_PI / 180.0;
   config.limits.workspace = {"workspace", {0.0, -0.75, 0.02}, {1.0, 0.75, 1.0}};
   config.limits.keep_out = {{"camera", {1.00, -0.15, 0.25}, {1.30, 0.15, 0.55}},
                             {"arm base", {-0.15, -0.15, 0.0}, {0.15, 0.15, 0.30}}};

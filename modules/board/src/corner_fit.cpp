@@ -44,6 +44,29 @@ class ErrorFunction {
   std::array<double, kSize + 1> slope_;
 };
 
+// Brightness across parallel edges `apart` from each other: -1 and 1 in turn, blurred.
+struct Profile {
+  double value, slope;  // Slope by distance in units of blur.
+  double spread;        // -slope by the logarithm of blur.
+};
+
+Profile profile(const ErrorFunction& error_function, double t, double apart) {
+  Profile result;
+  error_function.at(t, result.value, result.slope);
+  result.spread = t * result.slope;
+  if (apart - std::abs(t) < 4.0) {
+    // The next edges show through.
+    for (const double next : {t - apart, t + apart}) {
+      double value, slope;
+      error_function.at(next, value, slope);
+      result.value -= value;
+      result.slope -= slope;
+      result.spread -= next * slope;
+    }
+  }
+  return result;
+}
+
 struct Sample {
   double x, y;  // From the guess, px.
   double gray;
@@ -60,13 +83,11 @@ bool collect(const cv::Mat& gray, const CornerGuess& guess, const Vector2d& norm
   const Vector2d along_v = guess.axes.col(1);
   const double apart_u = std::abs(normal_u.dot(along_v));  // Between edges along u, px.
   const double apart_v = std::abs(normal_v.dot(along_u));
-  const auto half = [](double blur, double apart, double length) {
-    double part = std::clamp(1.0 - 2.2 * blur / apart, 0.3, 0.45);
-    part = std::max(part, std::min(0.55, 1.3 / apart));
-    return std::min(part, kMaxHalf / length);
+  const auto half = [](double apart, double length) {
+    return std::min(std::max(0.45, std::min(0.55, 1.3 / apart)), kMaxHalf / length);
   };
-  const double half_u = half(guess.blur_px.y(), apart_v, along_u.norm());
-  const double half_v = half(guess.blur_px.x(), apart_u, along_v.norm());
+  const double half_u = half(apart_v, along_u.norm());
+  const double half_v = half(apart_u, along_v.norm());
   const double band_u = 3.0 * guess.blur_px.x() + 0.7;
   const double band_v = 3.0 * guess.blur_px.y() + 0.7;
 
@@ -112,6 +133,8 @@ std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess
   normal_u.normalize();
   normal_v.normalize();
   if (guess.axes.determinant() <= 0.0) return std::nullopt;  // A mirror image, or degenerate.
+  const double apart_u = std::abs(normal_u.dot(guess.axes.col(1)));  // Between edges along u, px.
+  const double apart_v = std::abs(normal_v.dot(guess.axes.col(0)));
   if (!collect(gray, guess, normal_u, normal_v, samples)) return std::nullopt;
 
   // Parameters: position (2), level, step, light gradient (2), and the two blurs if wanted.
@@ -130,10 +153,10 @@ std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess
   {
     double n = 0, s1 = 0, s2 = 0, g1 = 0, gs = 0;
     for (const Sample& sample : samples) {
-      double e1, e2, slope;
-      error_function.at((normal_u.x() * sample.x + normal_u.y() * sample.y) / blur.x(), e1, slope);
-      error_function.at((normal_v.x() * sample.x + normal_v.y() * sample.y) / blur.y(), e2, slope);
-      const double s = e1 * e2;
+      const double t1 = (normal_u.x() * sample.x + normal_u.y() * sample.y) / blur.x();
+      const double t2 = (normal_v.x() * sample.x + normal_v.y() * sample.y) / blur.y();
+      const double s = profile(error_function, t1, apart_u / blur.x()).value *
+                       profile(error_function, t2, apart_v / blur.y()).value;
       n += 1, s1 += s, s2 += s * s, g1 += sample.gray, gs += sample.gray * s;
     }
     const double det = n * s2 - s1 * s1;
@@ -157,16 +180,15 @@ std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess
       const double dy = sample.y - position.y();
       const double t1 = (normal_u.x() * dx + normal_u.y() * dy) * inverse_u;
       const double t2 = (normal_v.x() * dx + normal_v.y() * dy) * inverse_v;
-      double e1, e2, slope1, slope2;
-      error_function.at(t1, e1, slope1);
-      error_function.at(t2, e2, slope2);
-      const double s = e1 * e2;
+      const Profile p1 = profile(error_function, t1, apart_u * inverse_u);
+      const Profile p2 = profile(error_function, t2, apart_v * inverse_v);
+      const double s = p1.value * p2.value;
       const double tone = level + step * s;
       const double brightness = 1.0 + light.x() * sample.x + light.y() * sample.y;
       const double error = sample.gray - tone * brightness;
       squares += error * error;
-      const double by_d1 = step * brightness * slope1 * e2;  // Per unit of t1.
-      const double by_d2 = step * brightness * e1 * slope2;
+      const double by_d1 = step * brightness * p1.slope * p2.value;  // Per unit of t1.
+      const double by_d2 = step * brightness * p1.value * p2.slope;
       std::array<double, kMost> j;
       j[0] = -(by_d1 * inverse_u * normal_u.x() + by_d2 * inverse_v * normal_v.x());
       j[1] = -(by_d1 * inverse_u * normal_u.y() + by_d2 * inverse_v * normal_v.y());
@@ -175,8 +197,8 @@ std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess
       j[4] = tone * sample.x;
       j[5] = tone * sample.y;
       if (guess.fit_blur) {
-        j[6] = -by_d1 * t1 * inverse_u;
-        j[7] = -by_d2 * t2 * inverse_v;
+        j[6] = -step * brightness * p1.spread * p2.value * inverse_u;
+        j[7] = -step * brightness * p1.value * p2.spread * inverse_v;
       }
       for (int a = 0; a < count; ++a) {
         right[a] += j[a] * error;
@@ -190,7 +212,10 @@ std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess
     normal(5, 5) += 1e-2 * step * step * samples.size();
     right[4] -= 1e-2 * step * step * samples.size() * light.x();
     right[5] -= 1e-2 * step * step * samples.size() * light.y();
-    for (int k = 6; k < count; ++k) normal(k, k) *= 1.05;
+    for (int k = 6; k < count; ++k) {
+      normal(k, k) += 0.04 * step * step;
+      right[k] -= 0.04 * step * step * (blur[k - 6] - guess.blur_px[k - 6]);
+    }
     for (int k = count; k < kMost; ++k) normal(k, k) = 1.0;
     const Vector change = normal.selfadjointView<Eigen::Lower>().ldlt().solve(right);
     if (!change.allFinite()) return std::nullopt;

@@ -53,6 +53,33 @@ Vector2d spacing(const Eigen::Matrix2d& axes) {
   return {area / axes.col(0).norm(), area / axes.col(1).norm()};
 }
 
+// Nodes on a line from (i, j) in steps of (di, dj) that continue the squares inside by a whole square;
+// (oi, oj) points outwards.
+int countLine(const Lattice& lattice, int i, int j, int di, int dj, int length, int oi, int oj) {
+  int count = 0;
+  for (int k = 0; k < length; ++k, i += di, j += dj) {
+    const auto outer = lattice.nodes.find({i, j});
+    const auto near = lattice.nodes.find({i - oi, j - oj});
+    const auto far = lattice.nodes.find({i - 2 * oi, j - 2 * oj});
+    const auto none = lattice.nodes.end();
+    if (outer == none || near == none || far == none) continue;
+    const Eigen::Vector2f last = near->second.pixel - far->second.pixel;
+    const Eigen::Vector2f next = outer->second.pixel - near->second.pixel;
+    if ((next - last).norm() < 0.3f * last.norm()) ++count;
+  }
+  return count;
+}
+
+// At the grid's four corners, where the hollow square may be: keeps its white inside out of the window.
+void avoidHollow(const BoardSpec& board, int columns, int rows, const Vector2d& at, CornerGuess& guess) {
+  if (!board.hollow_corner) return;
+  const auto outwards = [](double place, int count) { return place < 0.5 ? -1 : place > count - 1.5 ? 1 : 0; };
+  const Eigen::Vector2i quadrant(outwards(at.x(), columns), outwards(at.y(), rows));
+  if (quadrant.x() == 0 || quadrant.y() == 0) return;
+  guess.hollow_quadrant = quadrant;
+  guess.hollow_start = 0.5 * (1.0 - board.hollow_inner_ratio);
+}
+
 // True if no corner is off the smooth surface through all of them.
 bool isSmooth(const Grid& grid) {
   double largest = 0.0, cell = 0.0;
@@ -67,6 +94,30 @@ bool isSmooth(const Grid& grid) {
     cell = std::max(cell, side);
   }
   return grid.warp.largestBend() < 0.6 * cell;
+}
+
+// True if neighboring corners show about the same brightness step: light and shadow change it slowly, the
+// end of some other regular pattern abruptly.
+bool isEven(const Grid& grid) {
+  for (int row = 0; row < grid.rows; ++row) {
+    for (int column = 0; column < grid.columns; ++column) {
+      double sum = 0.0;
+      int count = 0;
+      const auto add = [&](int c, int r) {
+        if (c < 0 || r < 0 || c >= grid.columns || r >= grid.rows) return;
+        sum += std::abs(grid.at(c, r).step);
+        ++count;
+      };
+      add(column - 1, row);
+      add(column + 1, row);
+      add(column, row - 1);
+      add(column, row + 1);
+      const CornerFit& corner = grid.at(column, row);
+      const double ratio = std::abs(corner.step) * count / sum;
+      if (ratio < 0.6 || ratio > 1.7 || corner.residual > 0.6 * std::abs(corner.step)) return false;
+    }
+  }
+  return true;
 }
 
 }  // namespace
@@ -105,10 +156,14 @@ std::vector<Placement> findPlacements(const Lattice& lattice, const BoardSpec& b
         Placement placement{i0, j0, columns, rows, 0};
         placement.present = countIn(i0, i0 + columns, j0, j0 + rows);
         if (placement.present * 10 < columns * rows * 7 || placement.present < 4) continue;
-        // More than half a line beyond a side: the board is larger.
+        // Squares that go on beyond a side: the board is larger, or this is part of another pattern.
         const int i1 = i0 + columns, j1 = j0 + rows;
-        if (2 * countIn(i0 - 1, i0, j0, j1) > rows || 2 * countIn(i1, i1 + 1, j0, j1) > rows) continue;
-        if (2 * countIn(i0, i1, j0 - 1, j0) > columns || 2 * countIn(i0, i1, j1, j1 + 1) > columns) continue;
+        const int left = countLine(lattice, i0 - 1, j0, 0, 1, rows, -1, 0);
+        const int right = countLine(lattice, i1, j0, 0, 1, rows, 1, 0);
+        const int top = countLine(lattice, i0, j0 - 1, 1, 0, columns, 0, -1);
+        const int bottom = countLine(lattice, i0, j1, 1, 0, columns, 0, 1);
+        if (3 * std::max(left, right) > rows || 3 * std::max(top, bottom) > columns) continue;
+        if (5 * (left + right + top + bottom) > 2 * (columns + rows)) continue;
         placements.push_back(placement);
       }
     }
@@ -120,8 +175,8 @@ std::vector<Placement> findPlacements(const Lattice& lattice, const BoardSpec& b
   return placements;
 }
 
-std::optional<Grid> measureGrid(const cv::Mat& gray, const Lattice& lattice, double scale,
-                                const Placement& placement) {
+std::optional<Grid> measureGrid(const cv::Mat& gray, const BoardSpec& board, const Lattice& lattice,
+                                double scale, const Placement& placement) {
   const int columns = placement.columns;
   const int rows = placement.rows;
   std::vector<Vector2d> known, pixels;
@@ -149,6 +204,7 @@ std::optional<Grid> measureGrid(const cv::Mat& gray, const Lattice& lattice, dou
     guess.axes = rough.jacobian(at);
     const double apart = spacing(guess.axes).minCoeff();
     guess.blur_px.setConstant(std::clamp(0.15 * apart, 0.6, 0.7 + 0.4 * scale));
+    avoidHollow(board, columns, rows, at, guess);
     const auto fit = fitCorner(gray, guess);
     const int expected = (k % columns + k / columns) % 2 == 0 ? side : -side;
     if (!fit || fit->step * expected <= 0.0) return std::nullopt;
@@ -160,7 +216,7 @@ std::optional<Grid> measureGrid(const cv::Mat& gray, const Lattice& lattice, dou
   grid.blur_px = {median(blur_u), median(blur_v)};
   grid.step = median(steps);
   grid.warp = fitWarp(columns, rows, grid.corners);
-  if (!grid.warp.isFinite() || !isSmooth(grid)) return std::nullopt;
+  if (!grid.warp.isFinite() || !isSmooth(grid) || !isEven(grid)) return std::nullopt;
 
   // Now blur and directions are known from the whole board: only the position is left to each corner.
   for (int k = 0; k < columns * rows; ++k) {
@@ -169,6 +225,7 @@ std::optional<Grid> measureGrid(const cv::Mat& gray, const Lattice& lattice, dou
     guess.axes = grid.warp.jacobian({k % columns, k / columns});
     guess.blur_px = grid.blur_px;
     guess.fit_blur = false;
+    avoidHollow(board, columns, rows, {k % columns, k / columns}, guess);
     const auto fit = fitCorner(gray, guess);
     if (!fit) return std::nullopt;
     grid.corners[k] = *fit;
@@ -178,9 +235,8 @@ std::optional<Grid> measureGrid(const cv::Mat& gray, const Lattice& lattice, dou
   return grid;
 }
 
-bool remeasureBesideHollow(const cv::Mat& gray, const std::vector<Eigen::Vector2i>& hollow,
-                           const BoardSpec& board, Grid& grid) {
-  for (const Eigen::Vector2i& quadrant : hollow) {
+bool remeasureBesideSolid(const cv::Mat& gray, const std::vector<Eigen::Vector2i>& solid, Grid& grid) {
+  for (const Eigen::Vector2i& quadrant : solid) {
     const int column = quadrant.x() < 0 ? 0 : grid.columns - 1;
     const int row = quadrant.y() < 0 ? 0 : grid.rows - 1;
     CornerFit& corner = grid.corners[row * grid.columns + column];
@@ -189,16 +245,10 @@ bool remeasureBesideHollow(const cv::Mat& gray, const std::vector<Eigen::Vector2
     guess.axes = grid.warp.jacobian({column, row});
     guess.blur_px = grid.blur_px;
     guess.fit_blur = false;
-    guess.hollow_quadrant = quadrant;
-    guess.hollow_start = 0.5 * (1.0 - board.hollow_inner_ratio);
-    for (int pass = 0; pass < 2; ++pass) {
-      const auto fit = fitCorner(gray, guess);
-      if (!fit) return false;
-      corner = *fit;
-      guess.pixel = fit->pixel;
-    }
+    const auto fit = fitCorner(gray, guess);
+    if (!fit) return false;
+    corner = *fit;
   }
-  if (!hollow.empty()) grid.warp = fitWarp(grid.columns, grid.rows, grid.corners);
   return true;
 }
 

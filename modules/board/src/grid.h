@@ -42,13 +42,13 @@ std::vector<Placement> findPlacements(const Lattice& lattice, const BoardSpec& b
 /// Measures every corner of a placement to sub-pixel accuracy. `scale` is the lattice's level: one of its
 /// pixels is `scale` pixels of `gray`. Nothing if a corner cannot be measured or the corners do not lie on
 /// a smoothly distorted plane.
-std::optional<Grid> measureGrid(const cv::Mat& gray, const Lattice& lattice, double scale,
-                                const Placement& placement);
+/// At the grid's four corners the window leaves out what a hollow square would disturb.
+std::optional<Grid> measureGrid(const cv::Mat& gray, const BoardSpec& board, const Lattice& lattice,
+                                double scale, const Placement& placement);
 
-/// Measures the grid's corners once more, leaving out of the windows what a hollow square at the grid's
-/// corner cells disturbs. `hollow` holds (u, v) signs of the grid's corner: (-1,-1) is the cell beyond (0,0).
-bool remeasureBesideHollow(const cv::Mat& gray, const std::vector<Eigen::Vector2i>& hollow,
-                           const BoardSpec& board, Grid& grid);
+/// Measures corners of the grid again with the whole window, where the square outside is known to be
+/// solid. `solid` holds (u, v) signs of the grid's corner: (-1,-1) is the cell beyond (0,0).
+bool remeasureBesideSolid(const cv::Mat& gray, const std::vector<Eigen::Vector2i>& solid, Grid& grid);
 
 /// True if colors alternate as on a checkerboard and every side of it ends in a white rim, not in
 /// more squares.

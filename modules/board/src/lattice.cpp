@@ -273,6 +273,13 @@ std::vector<Lattice> findLattices(const cv::Mat& smoothed, const std::vector<Sad
         const int axis = (ray + turn[node]) % 4;
         const std::pair<int, int> key(place[node].first + kStepI[axis], place[node].second + kStepJ[axis]);
         if (piece.lattice.nodes.count(key)) continue;
+        // Neighboring squares are of about the same size and direction.
+        const auto behind = piece.lattice.nodes.find({place[node].first - kStepI[axis], place[node].second - kStepJ[axis]});
+        if (behind != piece.lattice.nodes.end()) {
+          const Vector2f last = saddles[node].pixel - behind->second.pixel;
+          const Vector2f next = saddles[link.node].pixel - saddles[node].pixel;
+          if ((next - last).squaredNorm() > 0.4f * 0.4f * std::max(next.squaredNorm(), last.squaredNorm())) continue;
+        }
         add(link.node, key, (axis + 2 - link.ray + 4) % 4);
       }
     }

@@ -140,7 +140,7 @@ const Ring& smallRing() {
 }
 
 // Fills rays, side and contrast if the ring around the peak shows four sectors.
-bool verifyRing(const cv::Mat& smoothed, const Peak& peak, const Ring& ring, Saddle& saddle) {
+bool verifyRing(const cv::Mat& smoothed, const Peak& peak, const Ring& ring, float least_contrast, Saddle& saddle) {
   const int stride = static_cast<int>(smoothed.step1());
   const short* centre = smoothed.ptr<short>(peak.y) + peak.x;
   const float middle = *centre;
@@ -161,8 +161,8 @@ bool verifyRing(const cv::Mat& smoothed, const Peak& peak, const Ring& ring, Sad
     high = std::max({high, a, b});
     low = std::min({low, a, b});
   }
-  if (odd_energy > 0.6f * even_energy) return false;
   const float contrast = high - low;
+  if (contrast < least_contrast || odd_energy > 0.6f * even_energy) return false;
   if (high < 0.12f * contrast || low > -0.12f * contrast) return false;
 
   // Second harmonic: amplitude * cos(2 (angle - phase)) + mean is zero along the two edges. For a sharp
@@ -207,6 +207,20 @@ bool verifyRing(const cv::Mat& smoothed, const Peak& peak, const Ring& ring, Sad
   saddle.rays[3] = -saddle.rays[1];
   saddle.contrast = contrast;
   return true;
+}
+
+// Standard deviation of the noise in a smoothed image: median second difference of a sample of pixels.
+float noise(const cv::Mat& smoothed) {
+  std::vector<int> differences;
+  for (int y = 3; y < smoothed.rows; y += 11) {
+    const short* row = smoothed.ptr<short>(y);
+    for (int x = 3 + y % 7; x + 3 < smoothed.cols; x += 17)
+      differences.push_back(std::abs(row[x - 3] - 2 * row[x] + row[x + 3]));
+  }
+  if (differences.empty()) return 0.0f;
+  const auto middle = differences.begin() + differences.size() / 2;
+  std::nth_element(differences.begin(), middle, differences.end());
+  return *middle / (0.6745f * std::sqrt(6.0f));
 }
 
 // The stationary point of the quadratic through the peak's neighborhood.
@@ -264,10 +278,12 @@ cv::Mat smooth(const cv::Mat& gray) {
 
 std::vector<Saddle> findSaddles(const cv::Mat& smoothed) {
   std::vector<Saddle> saddles;
+  const float least_contrast = std::max(16.0f * 8.0f, 5.0f * noise(smoothed));
   for (const Peak& peak : findPeaks(smoothed)) {
     Saddle saddle;
     saddle.response = peak.response;
-    if (!verifyRing(smoothed, peak, largeRing(), saddle) && !verifyRing(smoothed, peak, smallRing(), saddle))
+    if (!verifyRing(smoothed, peak, largeRing(), least_contrast, saddle) &&
+        !verifyRing(smoothed, peak, smallRing(), least_contrast, saddle))
       continue;
     saddle.pixel = subpixel(smoothed, peak);
     saddles.push_back(saddle);

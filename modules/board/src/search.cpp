@@ -13,15 +13,19 @@ namespace {
 // Measures and checks one place where the board may lie.
 std::optional<Found> examine(const cv::Mat& gray, const BoardSpec& board, const Lattice& lattice, double scale,
                              const Placement& placement) {
-  auto grid = measureGrid(gray, lattice, scale, placement);
+  auto grid = measureGrid(gray, board, lattice, scale, placement);
   if (!grid || !isWholeBoard(gray, *grid, board)) return std::nullopt;
   Found found{std::move(*grid), {}};
   found.mark = findTurn(gray, found.grid, board);
   if (found.mark.status == MarkStatus::kImpossible) return std::nullopt;
   if (board.hollow_corner) {
-    std::vector<Eigen::Vector2i> hollow;
-    for (const Turn& turn : found.mark.turns) hollow.push_back(turn.firstCorner());
-    if (!remeasureBesideHollow(gray, hollow, board, found.grid)) return std::nullopt;
+    std::vector<Eigen::Vector2i> solid;
+    for (int quarters = 0; quarters < 4; ++quarters) {
+      const auto& turns = found.mark.turns;
+      if (std::none_of(turns.begin(), turns.end(), [&](const Turn& turn) { return turn.quarters == quarters; }))
+        solid.push_back(Turn{quarters}.firstCorner());
+    }
+    if (!remeasureBesideSolid(gray, solid, found.grid)) return std::nullopt;
   }
   return found;
 }
@@ -54,6 +58,7 @@ cv::Mat halve(const cv::Mat& gray) {
 
 std::optional<Found> searchBoard(const cv::Mat& gray, const BoardSpec& board, const std::vector<int>& levels) {
   std::vector<cv::Mat> pyramid{gray};
+  std::optional<Found> undecided;
   const int min_nodes = std::max(4, board.cornerCount() * 7 / 10);
   for (const int level : levels) {
     while (static_cast<int>(pyramid.size()) <= level) pyramid.push_back(halve(pyramid.back()));
@@ -62,9 +67,16 @@ std::optional<Found> searchBoard(const cv::Mat& gray, const BoardSpec& board, co
     const cv::Mat smoothed = smooth(image);
     const auto lattices = findLattices(smoothed, findSaddles(smoothed), min_nodes);
     const double scale = 1 << level;
-    for (const Lattice& lattice : lattices)
-      for (const Placement& placement : findPlacements(lattice, board))
-        if (auto found = examine(gray, board, lattice, scale, placement)) return found;
+    for (const Lattice& lattice : lattices) {
+      for (const Placement& placement : findPlacements(lattice, board)) {
+        auto found = examine(gray, board, lattice, scale, placement);
+        if (!found) continue;
+        if (!board.hollow_corner || found->mark.status == MarkStatus::kFound) return found;
+        if (!undecided) undecided = std::move(found);
+      }
+    }
+    // A board that shows its mark is preferred to one that does not.
+    if (undecided) return undecided;
   }
   return std::nullopt;
 }

@@ -74,12 +74,15 @@ Eigen::MatrixXd reducedMatrix(const ArrowSystem& system) {
   return 0.5 * (reduced + reduced.transpose());
 }
 
-double scaledCondition(const Eigen::MatrixXd& matrix) {
-  const Eigen::VectorXd scale = inverseRootDiagonal(matrix);
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scale.asDiagonal() * matrix * scale.asDiagonal(),
-                                                             Eigen::EigenvaluesOnly);
+double symmetricCondition(const Eigen::MatrixXd& matrix) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(matrix, Eigen::EigenvaluesOnly);
   const double smallest = eigen.eigenvalues().minCoeff(), largest = eigen.eigenvalues().maxCoeff();
   return smallest > 0.0 ? largest / smallest : std::numeric_limits<double>::infinity();
+}
+
+double scaledCondition(const Eigen::MatrixXd& matrix) {
+  const Eigen::VectorXd scale = inverseRootDiagonal(matrix);
+  return symmetricCondition(scale.asDiagonal() * matrix * scale.asDiagonal());
 }
 
 Eigen::MatrixXd scaledInverse(const Eigen::MatrixXd& matrix) {

@@ -48,7 +48,9 @@ std::optional<ArrowStep> arrowStep(const ArrowSystem& system, double damping);
 /// Information of the shared parameters with the blocks eliminated.
 Eigen::MatrixXd reducedMatrix(const ArrowSystem& system);
 
-/// Ratio of the extreme eigenvalues of a symmetric matrix scaled to unit diagonal; infinite if singular.
+/// Ratio of the extreme eigenvalues of a symmetric matrix; infinite if it is not positive definite.
+double symmetricCondition(const Eigen::MatrixXd& matrix);
+/// The same of the matrix scaled to unit diagonal.
 double scaledCondition(const Eigen::MatrixXd& matrix);
 
 /// Inverse of a positive definite matrix, computed on its unit-diagonal scaling.

@@ -5,11 +5,11 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <opencv2/calib3d.hpp>
 #include <stdexcept>
 #include <string>
 
 #include "corner_weight.h"
+#include "homography.h"
 #include "se3.h"
 
 namespace servocal::calib {
@@ -110,31 +110,18 @@ bool same(const BoardPose& first, const BoardPose& second, double square_size_m)
 std::vector<BoardPose> boardPoses(const BoardSpec& board, const CameraModel& camera,
                                   const BoardDetection& detection) {
   std::vector<WeightedCorner> corners;
-  std::vector<cv::Point3d> points_o;
-  std::vector<cv::Point2d> normalized;
+  std::vector<Eigen::Vector2d> plane, normalized;
   for (const WeightedCorner& corner : weightedCorners(board, detection)) {
     const std::optional<Eigen::Vector2d> ray = camera.unproject(corner.pixel);
     if (!ray) continue;
     corners.push_back(corner);
-    points_o.emplace_back(corner.point_o.x(), corner.point_o.y(), 0.0);
-    normalized.emplace_back(ray->x(), ray->y());
+    plane.push_back(corner.point_o.head<2>());
+    normalized.push_back(*ray);
   }
   std::vector<BoardPose> poses;
   if (!spanPlane(corners, board.square_size_m)) return poses;
-
-  std::vector<cv::Mat> rotations, translations;
-  try {
-    cv::solvePnPGeneric(points_o, normalized, cv::Matx33d::eye(), cv::noArray(), rotations, translations, false,
-                        cv::SOLVEPNP_IPPE);
-  } catch (const cv::Exception&) {
-    return poses;  // a homography that does not exist
-  }
-  for (std::size_t i = 0; i < rotations.size(); ++i) {
-    const Eigen::Vector3d rotation(rotations[i].ptr<double>());
-    const Eigen::Vector3d translation(translations[i].ptr<double>());
-    if (!rotation.allFinite() || !translation.allFinite()) continue;
-    const auto start = Pose<Color, Board>::fromRotationVector(rotation, translation);
-    const std::optional<BoardPose> pose = refine(camera, corners, start.isometry());
+  for (const Eigen::Isometry3d& start : planarPoses(plane, normalized)) {
+    const std::optional<BoardPose> pose = refine(camera, corners, start);
     if (!pose || !pose->cMo.isFinite()) continue;
     const bool known = std::any_of(poses.begin(), poses.end(), [&](const BoardPose& other) {
       return same(*pose, other, board.square_size_m);

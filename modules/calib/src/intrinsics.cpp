@@ -8,8 +8,8 @@
 
 #include "arrow.h"
 #include "corner_weight.h"
+#include "homography.h"
 #include "servocal/calib/board_pose.h"
-#include "zhang.h"
 
 namespace servocal::calib {
 namespace {
@@ -177,7 +177,12 @@ CameraModel startCamera(const BoardSpec& board, const std::vector<View>& views,
   CameraModel camera = CameraModel::fromFieldOfView(width_px, height_px, kUsualFovRad, options.lens);
   std::vector<Eigen::Matrix3d> homographies;
   for (const View& view : views) {
-    if (const auto homography = boardHomography(board, view.seen->detection)) homographies.push_back(*homography);
+    std::vector<Eigen::Vector2d> plane, image;
+    for (const Corner& corner : view.seen->detection.corners) {
+      plane.push_back(board.corner(corner.id).head<2>());
+      image.push_back(corner.pixel);
+    }
+    if (const auto found = homography(plane, image)) homographies.push_back(*found);
   }
   const auto focal = focalFromHomographies(homographies, camera.parameters.segment<2>(2));
   if (focal && *focal > 0.3 * width_px && *focal < 10.0 * width_px) {
@@ -207,6 +212,23 @@ bool leaveWrongPoses(const BoardSpec& board, const Problem& problem, const std::
     changed = true;
   }
   return changed;
+}
+
+/// Condition of what the views say of fx, fy, cx and cy, distortion eliminated: a distortion term that the
+/// data hardly determine is no reason to refuse, a focal length is.
+double pinholeCondition(const Eigen::MatrixXd& information, const std::vector<int>& free) {
+  const Eigen::Index count = information.rows();
+  const Eigen::Index pinhole = std::count_if(free.begin(), free.end(), [](int index) { return index < 4; });
+  if (pinhole == 0) return 1.0;
+  if (pinhole == count) return scaledCondition(information);
+  const auto cross = information.topRightCorner(pinhole, count - pinhole);
+  const Eigen::MatrixXd eliminated = cross *
+      scaledInverse(information.bottomRightCorner(count - pinhole, count - pinhole)) * cross.transpose();
+  // Scaled as before elimination, so that what distortion can imitate counts as lost.
+  const Eigen::VectorXd scale = information.diagonal().head(pinhole).cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd left =
+      scale.asDiagonal() * (information.topLeftCorner(pinhole, pinhole) - eliminated) * scale.asDiagonal();
+  return symmetricCondition(left);
 }
 
 }  // namespace
@@ -322,7 +344,7 @@ IntrinsicsOutcome solveIntrinsics(const BoardSpec& board, const std::vector<Obse
   if (!fit) return outcome;
 
   const Eigen::MatrixXd information = reducedMatrix(fit->system);
-  if (scaledCondition(information) > options.max_condition) {
+  if (pinholeCondition(information, free) > options.max_condition) {
     outcome.status = IntrinsicsStatus::kViewsParallel;
     return outcome;
   }

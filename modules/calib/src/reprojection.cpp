@@ -209,18 +209,20 @@ std::vector<double> viewScales(const Problem& problem, const State& state) {
 }
 
 /// Minimizes with the scale of the corner noise set so that the typical view has a chi-square of one per
-/// degree of freedom. Starts from a scale that is too large: the robot is believed first, and what it
-/// cannot explain tells the noise.
-std::optional<Fit> minimizeWithScale(Problem& problem, const State& start) {
+/// degree of freedom. From afar it starts with a scale that is too large: the robot is believed first, and
+/// what it cannot explain tells the noise.
+std::optional<Fit> minimizeWithScale(Problem& problem, const State& start, bool start_is_close) {
   constexpr double kLeastScale = 0.2;  // claimed covariances that much too large are believed no further
   State state = start;
-  for (int round = 0; round < 8; ++round) {
-    const double typical = median(viewScales(problem, state));
-    const double scale = std::max(kLeastScale, problem.scale() * typical);
-    if (!std::isfinite(scale)) return std::nullopt;
-    if (round > 0 && std::abs(scale / problem.scale() - 1.0) < 0.02) break;
-    problem.setScale(scale);
-    const std::optional<Fit> fit = minimize(problem, state, 8, 1e-5);
+  for (int round = start_is_close ? 1 : 0; round < 12; ++round) {
+    if (round != 1 || !start_is_close) {
+      const double scale = std::max(kLeastScale, problem.scale() * median(viewScales(problem, state)));
+      if (!std::isfinite(scale)) return std::nullopt;
+      const bool settled = std::abs(scale / problem.scale() - 1.0) < 0.01;
+      problem.setScale(scale);
+      if (settled && round > 0) break;
+    }
+    const std::optional<Fit> fit = minimize(problem, state, 2, 1e-4);
     if (!fit) return std::nullopt;
     state = fit->state;
   }
@@ -230,7 +232,8 @@ std::optional<Fit> minimizeWithScale(Problem& problem, const State& start) {
 /// Views that stand out beyond the spread of the others. Never so many that the rest says nothing.
 std::vector<bool> outliers(const Problem& problem, const State& state) {
   const std::vector<double> scales = viewScales(problem, state);
-  const double middle = median(scales);
+  // Below one only where corners are better than claimed beyond all belief (noiseless input): no outliers.
+  const double middle = std::max(1.0, median(scales));
   std::vector<double> deviations;
   for (double scale : scales) deviations.push_back(std::abs(scale - middle));
   const double spread = 1.4826 * median(deviations);
@@ -261,12 +264,13 @@ struct Solved {
 };
 
 /// Fit, leave out what stands out, fit again.
-std::optional<Solved> solveGated(Problem& problem, const std::vector<View>& views, const State& start) {
+std::optional<Solved> solveGated(Problem& problem, const std::vector<View>& views, const State& start,
+                                 bool start_is_close) {
   Solved solved{Fit{start, ArrowSystem(12, 0), false, 0}, views, {}};
   State state = start;
   for (int round = 0; round < 3; ++round) {
     problem.setViews(solved.used);
-    std::optional<Fit> fit = minimizeWithScale(problem, state);
+    std::optional<Fit> fit = minimizeWithScale(problem, state, start_is_close || round > 0);
     if (!fit) return std::nullopt;
     solved.fit = *std::move(fit);
     const std::vector<bool> out = outliers(problem, solved.fit.state);
@@ -384,7 +388,7 @@ HandEyeOutcome solveHandEyeReprojection(const BoardSpec& board, const CameraMode
         outcome.status = HandEyeStatus::kRotationAxesParallel;
         return outcome;
       }
-      solved = solveGated(problem, started, state);
+      solved = solveGated(problem, started, state, true);
       if (solved && solved->used.size() < 0.8 * views.size()) solved.reset();
     }
   }
@@ -438,8 +442,8 @@ HandEyeOutcome solveHandEyeReprojection(const BoardSpec& board, const CameraMode
         chosen.push_back(view);
         state.corrections.push_back(Vector6d::Zero());
       }
-      problem.setScale(1.0);
-      if (chosen.size() >= 3) solved = solveGated(problem, chosen, state);
+      if (round == 0) problem.setScale(1.0);
+      if (chosen.size() >= 3) solved = solveGated(problem, chosen, state, round > 0);
       if (chosen.size() < 3 || !solved) {
         outcome.status = HandEyeStatus::kInconsistent;
         return outcome;

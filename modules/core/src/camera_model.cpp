@@ -2,6 +2,7 @@
 #include "servocal/core/camera_model.h"
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
@@ -67,6 +68,11 @@ bool insideFold(const Eigen::VectorXd& parameters, const Eigen::Vector2d& normal
            numerator * denominator + 2 * r2 * (d_numerator * denominator - numerator * d_denominator) > 0;
   };
   const double r2 = normalized.squaredNorm();
+  // Without the denominator the derivative is 1 + 3 k1 r2 + 5 k2 r2^2 + 7 k3 r2^3; if its negative terms
+  // alone cannot undo the one, there is nothing to look for (nearly every point of nearly every lens).
+  if (!rational && 1 + r2 * (std::min(0.0, 3 * k1) + r2 * (std::min(0.0, 5 * k2) + r2 * std::min(0.0, 7 * k3))) > 0) {
+    return true;
+  }
   constexpr int kSteps = 8;  // lens polynomials have at most three turning points in the image
   for (int i = 1; i <= kSteps; ++i) {
     if (!grows(r2 * i / kSteps)) return false;
@@ -107,8 +113,11 @@ CameraModel CameraModel::fromFieldOfView(int width_px, int height_px, double hor
 }
 
 std::optional<Eigen::Vector2d> CameraModel::project(const Eigen::Vector3d& point_c) const {
-  ProjectionJacobian unused;
-  return project(point_c, unused);
+  if (!(point_c.z() > kMinDepthM)) return std::nullopt;
+  const Eigen::Vector2d normalized = point_c.head<2>() * (1.0 / point_c.z());
+  if (!insideFold(parameters, normalized)) return std::nullopt;
+  const Eigen::Vector2d distorted = distort(parameters, normalized).point;
+  return Eigen::Vector2d(parameters.head<2>().cwiseProduct(distorted) + parameters.segment<2>(2));
 }
 
 std::optional<Eigen::Vector2d> CameraModel::project(const Eigen::Vector3d& point_c,

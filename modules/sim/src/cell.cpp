@@ -29,6 +29,14 @@ const SimulatedCameraConfig& counterpart(const SimulationConfig& simulation, con
   if (found == simulation.cameras.end()) {
     throw std::invalid_argument("sim::Cell: camera '" + camera.name + "' has no entry under simulation");
   }
+  const bool sound = camera.width_px >= 64 && camera.width_px <= SensorNoise::kMaxWidthPx &&
+                     camera.height_px >= 64 && found->rate_hz > 0.0 && found->exposure_s >= 0.0 &&
+                     found->latency_s >= 0.0 && found->focal_px > 0.0 && found->focus_distance_m > 0.0;
+  if (!sound) {
+    throw std::invalid_argument("sim::Cell: camera '" + camera.name +
+                                "' needs a size of 64 to 4096 px, a rate, a focal length and a focus "
+                                "distance above zero, and no negative exposure or latency");
+  }
   return *found;
 }
 
@@ -44,8 +52,8 @@ Cell::Impl::Impl(const CellConfig& cell_config, std::uint64_t cell_seed)
       throw std::invalid_argument("sim::Cell: camera '" + camera.name + "' is not fixed in the cell");
     }
     const SimulatedCameraConfig& simulated = counterpart(*config.simulation, camera);
-    cameras[camera.name] = std::make_unique<SimulatedCamera>(clock, *arm, config.board, eMo, camera, simulated,
-                                                             *config.simulation, seed);
+    cameras[camera.name] = std::make_unique<SimulatedCamera>(clock, *arm, config.board, eMo, camera,
+                                                             simulated, *config.simulation, seed);
   }
 }
 

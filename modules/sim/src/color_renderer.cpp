@@ -23,18 +23,18 @@ ColorRenderer::ColorRenderer(const BoardSpec& board, const Lens& lens, const Lig
       camera_(camera),
       rays_(lens),
       layer_(board, lens, rays_, light),
-      noise_(camera.noise_gray),
-      background_(lens.height_px, lens.width_px, CV_16SC1),
-      background_sigma_(lens.height_px, lens.width_px, CV_8UC1) {
+      noise_(camera.noise_gray) {
   Random random(seed, "background " + camera.name);
   const cv::Mat background = drawBackground(lens.width_px, lens.height_px, clutter, random);
+  cv::Mat gray32(lens.height_px, lens.width_px, CV_16SC1), sigma8(lens.height_px, lens.width_px, CV_8UC1);
   for (int v = 0; v < lens.height_px; ++v) {
     for (int u = 0; u < lens.width_px; ++u) {
       const double gray = std::clamp(background.at<float>(v, u) * light.at(u, v), 0.0, 255.0);
-      background_.at<std::int16_t>(v, u) = static_cast<std::int16_t>(std::lround(32.0 * gray));
-      background_sigma_.at<std::uint8_t>(v, u) = noise_.sigmaEighths(gray);
+      gray32.at<std::int16_t>(v, u) = static_cast<std::int16_t>(std::lround(32.0 * gray));
+      sigma8.at<std::uint8_t>(v, u) = noise_.sigmaEighths(gray);
     }
   }
+  backdrop_ = std::make_unique<ArmSilhouette>(lens, noise_, gray32, sigma8);
 }
 
 std::vector<Eigen::Isometry3d> ColorRenderer::subExposures(const BoardMotion& cMo) const {
@@ -53,19 +53,20 @@ std::vector<Eigen::Isometry3d> ColorRenderer::subExposures(const BoardMotion& cM
   return poses;
 }
 
-cv::Mat ColorRenderer::render(const BoardMotion& cMo, Random& random) {
+cv::Mat ColorRenderer::render(const BoardMotion& cMo, const std::vector<Capsule>& links, Random& random) {
   const std::vector<Eigen::Isometry3d> poses = subExposures(cMo);
   const double distance = std::max(0.1, poses[poses.size() / 2].translation().z());
   const double off_focus =
       camera_.defocus_px_per_diopter * (1.0 / distance - 1.0 / camera_.focus_distance_m);
   layer_.draw(poses, std::hypot(camera_.defocus_px, off_focus));
+  backdrop_->draw(links);
   noise_.shuffle(random);
 
   cv::Mat image(lens_.height_px, lens_.width_px, CV_8UC1);
   const cv::Rect& box = layer_.box();
   for (int v = 0; v < lens_.height_px; ++v) {
-    const auto* background = background_.ptr<std::int16_t>(v);
-    const auto* sigma = background_sigma_.ptr<std::uint8_t>(v);
+    const auto* background = backdrop_->gray32().ptr<std::int16_t>(v);
+    const auto* sigma = backdrop_->sigma8().ptr<std::uint8_t>(v);
     auto* out = image.ptr<std::uint8_t>(v);
     const bool board_row = v >= box.y && v < box.y + box.height && !layer_.span(v).empty();
     const Span span = board_row ? layer_.span(v) : Span{lens_.width_px, lens_.width_px};

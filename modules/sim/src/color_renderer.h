@@ -4,8 +4,10 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <opencv2/core/mat.hpp>
 
+#include "arm_silhouette.h"
 #include "board_layer.h"
 #include "lens.h"
 #include "sensor_noise.h"
@@ -25,8 +27,8 @@ class ColorRenderer {
   /// cMo at a fraction of the exposure, 0 its begin and 1 its end.
   using BoardMotion = std::function<Eigen::Isometry3d(double)>;
 
-  /// One exposure, CV_8UC1. `random` gives the frame's noise.
-  cv::Mat render(const BoardMotion& cMo, Random& random);
+  /// One exposure, CV_8UC1: the arm's links behind the board. `random` gives the frame's noise.
+  cv::Mat render(const BoardMotion& cMo, const std::vector<Capsule>& links, Random& random);
 
  private:
   std::vector<Eigen::Isometry3d> subExposures(const BoardMotion& cMo) const;
@@ -37,8 +39,7 @@ class ColorRenderer {
   RayTable rays_;
   BoardLayer layer_;
   SensorNoise noise_;
-  cv::Mat background_;        ///< CV_16SC1, 32 times the gray value.
-  cv::Mat background_sigma_;  ///< CV_8UC1, 8 times the noise.
+  std::unique_ptr<ArmSilhouette> backdrop_;
 };
 
 }  // namespace servocal::sim

@@ -75,6 +75,14 @@ void writeBackgroundRow(int count, const std::int16_t* __restrict gray32,
   }
 }
 
+void blendRow(int count, const std::uint8_t* __restrict gray, const std::uint8_t* __restrict cover,
+              std::int16_t* __restrict gray32) {
+  for (int i = 0; i < count; ++i) {
+    const int weight = cover[i] + (cover[i] >> 7);  // 0 to 256
+    gray32[i] = static_cast<std::int16_t>(gray32[i] + (((32 * gray[i] - gray32[i]) * weight) >> 8));
+  }
+}
+
 void writeBoardRow(int count, const float* __restrict color, const float* __restrict alpha,
                    const std::int16_t* __restrict gray32, const std::int8_t* __restrict noise,
                    float noise_gray, std::uint8_t* __restrict out) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The three inner loops of rendering, on plain arrays so that the compiler vectorizes them. Their file
+// The inner loops of rendering, on plain arrays so that the compiler vectorizes them. Their file
 // may be compiled for a newer processor than the rest; hence no inline code shared with other files.
 #pragma once
 
@@ -36,6 +36,9 @@ void addBoardRow(const BoardPattern& pattern, const BoardRow& row, float weight,
 /// gray32: 32 times the gray value. sigma8: 8 times its noise. noise: standard deviation 32.
 void writeBackgroundRow(int count, const std::int16_t* gray32, const std::uint8_t* sigma8,
                         const std::int8_t* noise, std::uint8_t* out);
+
+/// Blends `gray` into gray32 where `cover` (of 255) says so.
+void blendRow(int count, const std::uint8_t* gray, const std::uint8_t* cover, std::int16_t* gray32);
 
 /// Lays the (blurred) board over the background and adds noise.
 void writeBoardRow(int count, const float* color, const float* alpha, const std::int16_t* gray32,

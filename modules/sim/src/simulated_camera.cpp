@@ -108,6 +108,21 @@ std::optional<sensor::Frame> SimulatedCamera::next(Stream stream, Instant deadli
   return expose(frame);
 }
 
+std::vector<Capsule> SimulatedCamera::armLinks(Instant instant) const {
+  const Eigen::Isometry3d cMb = truth_.bMc.inverse();
+  const auto frames = Ur5().frames(arm_.jointsAt(instant));
+  // Thickness and gray of the links of a UR5, and of the board's holder.
+  constexpr double kRadiusM[] = {0.075, 0.060, 0.050, 0.040, 0.040, 0.040};
+  constexpr double kGray[] = {60.0, 150.0, 140.0, 60.0, 70.0, 50.0};
+  std::vector<Capsule> links;
+  for (int i = 0; i < 6; ++i) {
+    links.push_back(
+        {cMb * frames[i].translation(), cMb * frames[i + 1].translation(), kRadiusM[i], kGray[i]});
+  }
+  links.push_back({cMb * frames[6].translation(), cMb * (frames[6] * eMo_.translation()), 0.02, 45.0});
+  return links;
+}
+
 sensor::Frame SimulatedCamera::expose(std::int64_t index) {
   if (!renderer_) {
     renderer_ = std::make_unique<ColorRenderer>(board_, truth_.lens, truth_.light, config_, clutter_, seed_);
@@ -121,7 +136,7 @@ sensor::Frame SimulatedCamera::expose(std::int64_t index) {
   Random noise(seed_ ^ scramble(static_cast<std::uint64_t>(index)), "noise " + info_.name);
   sensor::Frame frame;
   frame.stream = Stream::kColor;
-  frame.image = renderer_->render(cMo, noise);
+  frame.image = renderer_->render(cMo, armLinks(begin + fromSeconds(0.5 * config_.exposure_s)), noise);
   frame.stamp = begin + fromSeconds(0.5 * config_.exposure_s);
   frame.received = delivery(index);
   frame.device_stamp_s = toSeconds(frame.stamp) + device_clock_offset_s_;

@@ -40,6 +40,7 @@ class SimulatedCamera final : public sensor::RgbdCamera {
   Instant delivery(std::int64_t frame) const;
   std::int64_t newestDelivered(Instant now) const;  ///< -1: none yet.
   sensor::Frame expose(std::int64_t frame);
+  std::vector<Capsule> armLinks(Instant instant) const;
 
   SimulatedClock& clock_;
   SimulatedArm& arm_;

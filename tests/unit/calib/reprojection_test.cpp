@@ -259,7 +259,9 @@ TEST(SolveHandEyeReprojection, WarmStartGivesTheSameAnswerAndSurvivesABump) {
   options.start->camera_pose.translation() += Eigen::Vector3d(0.002, -0.001, 0.002);
   const HandEyeOutcome warm = solve(scene, options);
   ASSERT_TRUE(warm.solution.has_value());
-  EXPECT_LT((warm.solution->camera_pose.translation() - cold.solution->camera_pose.translation()).norm(), 1e-7);
+  // The scale of the corner noise is found to a percent; the answer to a hundredth of its uncertainty.
+  const double same_m = 0.01 * cold.solution->camera_sigma.head<3>().norm();
+  EXPECT_LT((warm.solution->camera_pose.translation() - cold.solution->camera_pose.translation()).norm(), same_m);
   EXPECT_NEAR(warm.solution->scatter_m, cold.solution->scatter_m, 1e-6);
   EXPECT_NEAR(warm.axis_spread, cold.axis_spread, 1e-12);
 
@@ -267,7 +269,7 @@ TEST(SolveHandEyeReprojection, WarmStartGivesTheSameAnswerAndSurvivesABump) {
   options.start->camera_pose.translation().x() += 0.2;
   const HandEyeOutcome bumped = solve(scene, options);
   ASSERT_TRUE(bumped.solution.has_value());
-  EXPECT_LT((bumped.solution->camera_pose.translation() - cold.solution->camera_pose.translation()).norm(), 1e-7);
+  EXPECT_LT((bumped.solution->camera_pose.translation() - cold.solution->camera_pose.translation()).norm(), same_m);
 }
 
 TEST(SolveHandEyeReprojection, DoesNotDependOnTheOrderOfObservations) {

@@ -172,6 +172,12 @@ TEST(SimulatedCamera, RefusesWhatIsNotThere) {
   EXPECT_THROW(cell.camera(kCamera).next(Stream::kDepth, Instant(seconds(1))), std::invalid_argument);
   config.simulation->cameras[0].name = "side";
   EXPECT_THROW(Cell(config, 1), std::invalid_argument);
+  config = test::defaultSimCell();
+  config.cameras[0].mount = Mount::kFlange;
+  EXPECT_THROW(Cell(config, 1), std::invalid_argument);
+  config = test::defaultSimCell();
+  config.simulation->cameras[0].rate_hz = 0.0;
+  EXPECT_THROW(Cell(config, 1), std::invalid_argument);
   config.simulation.reset();
   EXPECT_THROW(Cell(config, 1), std::invalid_argument);
 }

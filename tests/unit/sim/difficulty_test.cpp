@@ -3,6 +3,7 @@
 // cell hands out, by OpenCV's finder and the truth. Making the cell easier fails these tests.
 #include <gtest/gtest.h>
 
+#include <iostream>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -75,7 +76,6 @@ CornerNoise measureCorners(const CellConfig& config) {
 
 TEST(Difficulty, CornerNoiseIsThatOfARealCamera) {
   const CornerNoise noise = measureCorners(farCell());
-  RecordProperty("corner_noise_px", std::to_string(noise.rms_px));
   std::cout << "corner noise " << noise.rms_px << " px at " << noise.square_px << " px squares, mean "
             << noise.mean_px.transpose() << ", found " << noise.found << '\n';
   EXPECT_NEAR(noise.square_px, 15.0, 1.0);
@@ -142,9 +142,12 @@ TEST(Difficulty, ArmDoesNotComeBackToTheSamePlace) {
 }
 
 // RMS distance between the reported and the true flange, over configurations whose flange is in the
-// workspace box; accuracy and repeatability add in quadrature. Nothing is fitted away.
+// workspace box, with repeatability off: one seed starts every configuration with the same draw of it,
+// which would not average out. Nothing is fitted away.
 TEST(Difficulty, ArmIsOffOverTheVolume) {
   CellConfig config = test::defaultSimCell();
+  config.simulation->repeatability_m = 0.0;
+  config.simulation->repeatability_rad = 0.0;
   Random random(9, "test configurations");
   double sum = 0.0;
   int count = 0;
@@ -156,8 +159,7 @@ TEST(Difficulty, ArmIsOffOverTheVolume) {
     sum += (Truth(cell).bMe().translation() - state.bMe.translation()).squaredNorm();
     ++count;
   }
-  const double repeatability = config.simulation->repeatability_m;
-  EXPECT_NEAR(std::sqrt(sum / count - repeatability * repeatability), 3e-4, 3e-5);
+  EXPECT_NEAR(std::sqrt(sum / count), 3e-4, 3e-5);
 }
 
 TEST(Difficulty, MountIsUnknownByThirtyDegreesAndFiftyMillimetres) {

@@ -3,6 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+
 #include "default_sim.h"
 #include "ur5.h"
 
@@ -19,7 +23,9 @@ ReachableCells reachable(const CellConfig& config, std::uint64_t seed) {
 TEST(ReachableCells, DefaultCellCanBeFilled) {
   const CellConfig config = defaultSimCell();
   double least = 1.0;
-  for (std::uint64_t seed = 1; seed <= 20; ++seed) least = std::min(least, reachable(config, seed).fraction());
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    least = std::min(least, reachable(config, seed).fraction());
+  }
   std::cout << "least reachable share of image cells over 20 seeds: " << least << '\n';
   EXPECT_GE(least, 0.85);
 }

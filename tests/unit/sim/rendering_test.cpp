@@ -45,7 +45,7 @@ cv::Mat rendered(const Eigen::Isometry3d& cMo, const Light& light, const Simulat
                  const BoardSpec& board = {}) {
   ColorRenderer renderer(board, testLens(), light, camera, /*clutter=*/false, 1);
   Random random(1, "test frame");
-  return renderer.render([&](double) { return cMo; }, random);
+  return renderer.render([&](double) { return cMo; }, {}, random);
 }
 
 /// 1 on white, 0 on black, -1 beside the plate; straight from BoardSpec's description.
@@ -247,8 +247,8 @@ TEST(Rendering, NoiseIsAsConfigured) {
   ColorRenderer renderer(BoardSpec{}, testLens(), flatLight(), camera, /*clutter=*/false, 1);
   const Eigen::Isometry3d cMo = boardPose(0.0, 0.0, 0.6, 0.0, 0.0);
   Random random(1, "test frames");
-  const cv::Mat first = renderer.render([&](double) { return cMo; }, random);
-  const cv::Mat second = renderer.render([&](double) { return cMo; }, random);
+  const cv::Mat first = renderer.render([&](double) { return cMo; }, {}, random);
+  const cv::Mat second = renderer.render([&](double) { return cMo; }, {}, random);
   const auto deviation = [](const cv::Mat& image) {
     cv::Scalar mean, sigma;
     cv::meanStdDev(image, mean, sigma);

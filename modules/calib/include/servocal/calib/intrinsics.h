@@ -36,7 +36,8 @@ struct IntrinsicsOptions {
   CornerWeighting weighting = CornerWeighting::kEqual;
   std::optional<IntrinsicsPrior> prior;  ///< For live estimates from few views; the final result uses none.
   int min_views = 3;
-  double max_condition = 1e9;      ///< Of the scaled normal matrix; above it the answer is refused.
+  double max_condition = 1e9;      ///< Of the scaled normal matrix of fx, fy, cx, cy with the rest eliminated;
+                                   ///< above it the answer is refused.
   double max_focal_sigma = 0.1;    ///< Standard deviation of fx over fx; above it the answer is refused.
   double outlier_ratio = 5.0;      ///< A view whose RMS is more than this many times the median (and more
                                    ///< than 1 px) is left out and named. 0: all views are kept.

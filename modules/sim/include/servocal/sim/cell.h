@@ -12,12 +12,22 @@
 
 namespace servocal::sim {
 
-/// A simulated robot cell: an arm holding a board, and cameras that see it, all on one simulated clock.
+/// A simulated robot cell: a UR5 holding a board, and cameras that see it, all on one simulated clock.
 /// It hands out what hardware would, images and robot states, and nothing else. Every random draw comes
 /// from `seed`. Same seed and same calls, same run.
+///
+/// Time passes only by the clock: who sleeps on it or waits for a frame moves it on. What the arm and the
+/// cameras did meanwhile is worked out when somebody asks; a frame that nobody reads is not rendered.
+/// For one thread.
+///
+/// The arm reports nominal kinematics; its flange really is elsewhere, by the configured accuracy (drawn
+/// once per seed) and repeatability (another at each visit). A joint that reaches +-2 pi is a protective
+/// stop: state() throws from then on. Cameras deliver the color stream as CV_8UC1, the scene is without
+/// color; `device_stamp_s` of arm and cameras each have an offset of their own.
 class Cell {
  public:
-  /// @throws std::invalid_argument if `config.simulation` is missing or a camera has no counterpart there.
+  /// @throws std::invalid_argument if `config.simulation` is missing, a camera has no counterpart there
+  ///   or is not fixed in the cell, or arm.start_q is not six angles within the joint limits.
   Cell(const CellConfig& config, std::uint64_t seed);
   ~Cell();
   Cell(Cell&&) noexcept;

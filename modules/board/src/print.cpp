@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "servocal/board/print.h"
+
+#include <cairo-pdf.h>
+#include <cairo.h>
+
+#include <array>
+#include <cmath>
+#include <memory>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+
+#include "servocal/core/error.h"
+
+namespace servocal::board {
+namespace {
+
+constexpr double kPointsPerMm = 72.0 / 25.4;
+constexpr double kPageMarginMm = 7.0;   // Most printers cannot print nearer to the edge.
+constexpr double kFooterMm = 24.0;      // Ruler and text below the board.
+constexpr double kRulerMm = 100.0;
+
+struct Page {
+  const char* name;
+  double width_mm, height_mm;
+};
+
+constexpr std::array<Page, 5> kPages = {{{"A4", 297, 210},
+                                         {"A3", 420, 297},
+                                         {"A2", 594, 420},
+                                         {"A1", 841, 594},
+                                         {"A0", 1189, 841}}};
+
+struct CairoDeleter {
+  void operator()(cairo_t* context) const { cairo_destroy(context); }
+  void operator()(cairo_surface_t* surface) const { cairo_surface_destroy(surface); }
+};
+
+void fillSquare(cairo_t* context, double x, double y, double side) {
+  cairo_rectangle(context, x, y, side, side);
+  cairo_fill(context);
+}
+
+// In mm, upper left corner of the squares at the origin.
+void drawSquares(cairo_t* context, const BoardSpec& board) {
+  const double square = board.square_size_m * 1000.0;
+  for (int row = 0; row < board.squares_y; ++row) {
+    for (int column = 0; column < board.squares_x; ++column) {
+      if ((row + column) % 2 != 0) continue;
+      cairo_set_source_rgb(context, 0, 0, 0);
+      fillSquare(context, column * square, row * square, square);
+      if (board.hollow_corner && row == 0 && column == 0) {
+        const double inset = 0.5 * (1.0 - board.hollow_inner_ratio) * square;
+        cairo_set_source_rgb(context, 1, 1, 1);
+        fillSquare(context, inset, inset, square - 2 * inset);
+      }
+    }
+  }
+}
+
+// A tick every mm, longer at 5 and 10, starting at the origin.
+void drawRuler(cairo_t* context) {
+  cairo_set_source_rgb(context, 0, 0, 0);
+  cairo_set_line_width(context, 0.15);
+  for (int mm = 0; mm <= static_cast<int>(kRulerMm); ++mm) {
+    const double length = mm % 10 == 0 ? 4.0 : mm % 5 == 0 ? 3.0 : 2.0;
+    cairo_move_to(context, mm, 0);
+    cairo_line_to(context, mm, length);
+  }
+  cairo_move_to(context, 0, 0);
+  cairo_line_to(context, kRulerMm, 0);
+  cairo_stroke(context);
+  cairo_set_font_size(context, 2.6);
+  for (int mm = 0; mm <= static_cast<int>(kRulerMm); mm += 10) {
+    cairo_move_to(context, mm - 0.8, 7.0);
+    cairo_show_text(context, std::to_string(mm).c_str());
+  }
+}
+
+std::string dataLine(const BoardSpec& board) {
+  std::ostringstream text;
+  text << "servocal board: " << board.squares_x << " x " << board.squares_y << " squares of "
+       << board.square_size_m * 1000.0 << " mm, " << board.cornersX() << " x " << board.cornersY() << " inner corners, ";
+  if (board.hollow_corner) text << "one corner hollow (inside " << board.hollow_inner_ratio << " of a square), ";
+  text << "rim " << board.margin_m * 1000.0 << " mm";
+  return text.str();
+}
+
+}  // namespace
+
+void printBoard(const BoardSpec& board, const std::filesystem::path& pdf) {
+  const double squares_width = board.squares_x * board.square_size_m * 1000.0;
+  const double squares_height = board.squares_y * board.square_size_m * 1000.0;
+  const double rim = board.margin_m * 1000.0;
+  const Page* page = nullptr;
+  for (const Page& candidate : kPages) {
+    if (squares_width + 2 * rim + 2 * kPageMarginMm > candidate.width_mm) continue;
+    if (squares_height + 2 * rim + 2 * kPageMarginMm + kFooterMm > candidate.height_mm) continue;
+    page = &candidate;
+    break;
+  }
+  if (!page) {
+    throw std::invalid_argument("printBoard: a board of " + std::to_string(squares_width + 2 * rim) + " x " +
+                                std::to_string(squares_height + 2 * rim) + " mm is larger than A0");
+  }
+
+  const std::unique_ptr<cairo_surface_t, CairoDeleter> surface(cairo_pdf_surface_create(
+      pdf.c_str(), page->width_mm * kPointsPerMm, page->height_mm * kPointsPerMm));
+  const std::unique_ptr<cairo_t, CairoDeleter> context(cairo_create(surface.get()));
+  cairo_pdf_surface_set_metadata(surface.get(), CAIRO_PDF_METADATA_TITLE, dataLine(board).c_str());
+  cairo_scale(context.get(), kPointsPerMm, kPointsPerMm);
+  cairo_select_font_face(context.get(), "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
+
+  const double left = 0.5 * (page->width_mm - squares_width);
+  const double top = kPageMarginMm + rim +
+                     0.5 * (page->height_mm - kFooterMm - 2 * kPageMarginMm - 2 * rim - squares_height);
+  cairo_save(context.get());
+  cairo_translate(context.get(), left, top);
+  drawSquares(context.get(), board);
+  cairo_restore(context.get());
+
+  // Where to cut: hairlines at the corners of the rim.
+  cairo_set_source_rgb(context.get(), 0.6, 0.6, 0.6);
+  cairo_set_line_width(context.get(), 0.1);
+  for (const double x : {left - rim, left + squares_width + rim}) {
+    for (const double y : {top - rim, top + squares_height + rim}) {
+      cairo_move_to(context.get(), x - 3, y);
+      cairo_line_to(context.get(), x + 3, y);
+      cairo_move_to(context.get(), x, y - 3);
+      cairo_line_to(context.get(), x, y + 3);
+    }
+  }
+  cairo_stroke(context.get());
+
+  const double footer = page->height_mm - kPageMarginMm - kFooterMm + 8.0;
+  cairo_save(context.get());
+  cairo_translate(context.get(), kPageMarginMm + 5.0, footer);
+  drawRuler(context.get());
+  cairo_move_to(context.get(), kRulerMm + 6.0, 3.0);
+  cairo_show_text(context.get(), "Print at 100 %. This ruler must measure 100 mm; measure the squares too.");
+  cairo_move_to(context.get(), 0, 12.0);
+  cairo_show_text(context.get(), (dataLine(board) + ", " + page->name).c_str());
+  cairo_restore(context.get());
+  cairo_show_page(context.get());
+  cairo_surface_finish(surface.get());
+
+  const cairo_status_t status = cairo_surface_status(surface.get());
+  if (status != CAIRO_STATUS_SUCCESS || cairo_status(context.get()) != CAIRO_STATUS_SUCCESS) {
+    throw Error(ErrorKind::kBadData, "Cannot write " + pdf.string() + ": " + cairo_status_to_string(status) +
+                                         ". Check that the folder exists and has space.");
+  }
+}
+
+}  // namespace servocal::board
