@@ -85,7 +85,8 @@ IN_HEADERS = {
 
 # POSIX; everything else in angle brackets without a folder or an ending is the standard library.
 POSIX = re.compile(
-    r"^(sys/\w+|unistd|fcntl|glob|poll|signal|stdlib|termios|pthread|dlfcn|netdb|netinet/\w+|arpa/inet)\.h$")
+    r"^(sys/\w+|unistd|fcntl|glob|poll|signal|stdlib|termios|pthread|dlfcn|netdb|netinet/\w+|arpa/inet)"
+    r"\.h$")
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^">]+)[">]')
 
 
@@ -145,17 +146,18 @@ def check(root):
             continue
         module = folder.name
         if module not in MODULES:
-            offences.append(f"modules/{module}: the house has no module of this name; see docs/architecture.md")
+            offences.append(f"modules/{module}: the house has no module of this name; see "
+                            "docs/architecture.md")
             continue
-        files = sorted(p for p in folder.rglob("*") if p.suffix in {".h", ".hpp", ".cpp", ".in"} and p.is_file())
+        files = sorted(p for p in folder.rglob("*") if p.suffix in {".h", ".hpp", ".cpp", ".in"})
         for path in files:
             offences += check_file(root, module, path)
         declaration = folder / "CMakeLists.txt"
         declared = declaration.read_text(encoding="utf-8") if declaration.exists() else None
         for header in sorted((folder / "include").rglob("*.h")):
             if declared is not None and header.name not in declared:
-                offences.append(f"{header.relative_to(root)}: not declared in modules/{module}/CMakeLists.txt, so "
-                                "nobody checks that it compiles alone")
+                offences.append(f"{header.relative_to(root)}: not declared in modules/{module}/CMakeLists.txt, "
+                                "so nobody checks that it compiles alone")
     return offences
 
 
