@@ -102,7 +102,9 @@ def check_include(module, is_public, header, bracket):
     if header.startswith("servocal/"):
         other = header.split("/")[1]
         if header == VISP_HEADER:
-            return None if module in MAY_USE_CORE_VISP else f"module '{module}' may not include {header} (ViSP)"
+            if module in MAY_USE_CORE_VISP:
+                return None
+            return f"module '{module}' may not include {header} (ViSP)"
         if other != module and other not in MODULES[module]:
             return f"module '{module}' may not include module '{other}'"
         return None
@@ -156,8 +158,8 @@ def check(root):
         declared = declaration.read_text(encoding="utf-8") if declaration.exists() else None
         for header in sorted((folder / "include").rglob("*.h")):
             if declared is not None and header.name not in declared:
-                offences.append(f"{header.relative_to(root)}: not declared in modules/{module}/CMakeLists.txt, "
-                                "so nobody checks that it compiles alone")
+                offences.append(f"{header.relative_to(root)}: not declared in "
+                                f"modules/{module}/CMakeLists.txt, so nobody checks that it compiles alone")
     return offences
 
 
