@@ -133,6 +133,8 @@ CellConfig loadCell(const std::filesystem::path& file) {
   return readCell(readConfigText(file), file.string(), file);
 }
 
+CellConfig parseCell(const std::string& text, const std::string& origin) { return readCell(text, origin, {}); }
+
 CellConfig defaultCell() { return readCell(kDefaultCellText, "default_cell.yaml (built in)", {}); }
 
 }  // namespace servocal

@@ -279,6 +279,28 @@ Eigen::Vector3d ConfigReader::vector3(std::string_view key, Range range) const {
   return {values[0], values[1], values[2]};
 }
 
+Eigen::MatrixXd ConfigReader::matrix(std::string_view key, int rows, int cols, Range range) const {
+  const Impl::Entry& entry = impl_->need(key);
+  const std::string wanted =
+      "a matrix of " + std::to_string(rows) + " rows of " + std::to_string(cols) + " numbers";
+  const YAML::Node list = entry.value.IsMap() ? entry.value["data"] : entry.value;
+  const auto refuse = [&] {
+    impl_->failAt(entry.line, inQuotes(key) + " must be " + wanted + ", not " + shown(entry.value));
+  };
+  if (!list.IsDefined() || !list.IsSequence()) refuse();
+  std::vector<double> values;
+  for (const auto& item : list) {
+    if (item.IsSequence() && item.size() == static_cast<std::size_t>(cols)) {
+      for (const auto& number : item) values.push_back(impl_->toNumber(entry, number, range, wanted.c_str()));
+    } else {
+      values.push_back(impl_->toNumber(entry, item, range, wanted.c_str()));
+    }
+  }
+  if (values.size() != static_cast<std::size_t>(rows * cols)) refuse();
+  return Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
+      values.data(), rows, cols);
+}
+
 std::vector<std::string> ConfigReader::texts(std::string_view key) const {
   const Impl::Entry& entry = impl_->need(key);
   if (!entry.value.IsSequence()) {

@@ -27,7 +27,8 @@ inline std::size_t editDistance(std::string_view a, std::string_view b) {
 inline bool isNear(std::string_view a, std::string_view b) {
   if (a.size() > b.size()) std::swap(a, b);
   if (a.size() >= 4 && b.substr(0, a.size()) == a) return true;
-  return editDistance(a, b) <= std::max<std::size_t>(1, b.size() / 3);
+  const std::size_t distance = editDistance(a, b);
+  return distance < b.size() && distance <= std::max<std::size_t>(1, b.size() / 3);
 }
 
 }  // namespace servocal

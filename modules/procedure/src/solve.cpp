@@ -9,6 +9,57 @@
 
 namespace servocal::procedure {
 
+namespace {
+
+/// Images in which nobody saw the board, so that the result accounts for every one of them.
+void listUnseen(const std::vector<Observation>& observations, std::vector<ViewResidual>& views) {
+  for (const Observation& observation : observations) {
+    if (!observation.views.empty()) continue;
+    views.push_back({observation.id, observation.stage, 0.0, false,
+                     observation.robot ? "no board found; its robot pose is left out too" : "no board found"});
+  }
+  std::stable_sort(views.begin(), views.end(), [](const ViewResidual& a, const ViewResidual& b) {
+    return a.observation_id < b.observation_id;
+  });
+}
+
+std::optional<IntrinsicsResult> solveIntrinsics(const BoardSpec& board, const std::vector<Observation>& observations,
+                                                const std::string& camera, const SolveOptions& options,
+                                                std::vector<std::string>& missing) {
+  if (options.given_intrinsics) {
+    IntrinsicsResult given;  // No standard deviations: nothing was estimated.
+    given.camera = *options.given_intrinsics;
+    return given;
+  }
+  calib::IntrinsicsOutcome outcome =
+      calib::solveIntrinsics(board, observations, camera, Stream::kColor, options.intrinsics);
+  if (!outcome.result) {
+    missing.push_back("intrinsics of " + camera + ": " + calib::toString(outcome.status));
+  } else {
+    listUnseen(observations, outcome.result->views);
+  }
+  return outcome.result;
+}
+
+std::optional<HandEyeSolution> solveHandEye(const BoardSpec& board, const CameraModel& model,
+                                            const std::vector<Observation>& observations, const std::string& camera,
+                                            const SolveOptions& options, std::vector<std::string>& missing) {
+  calib::ReprojectionOptions reprojection;
+  reprojection.mount = options.mount;
+  reprojection.robot_sigma_m = options.robot_sigma_m;
+  reprojection.robot_sigma_rad = options.robot_sigma_rad;
+  calib::HandEyeOutcome outcome =
+      calib::solveHandEyeReprojection(board, model, observations, camera, Stream::kColor, reprojection);
+  if (!outcome.solution) {
+    missing.push_back("hand-eye of " + camera + ": " + calib::toString(outcome.status));
+  } else {
+    listUnseen(observations, outcome.solution->views);
+  }
+  return outcome.solution;
+}
+
+}  // namespace
+
 CalibrationResult solve(const BoardSpec& board, const std::vector<Observation>& observations,
                         const SolveOptions& options) {
   CalibrationResult result;
@@ -20,30 +71,21 @@ CalibrationResult solve(const BoardSpec& board, const std::vector<Observation>& 
   }
   const bool has_robot = std::any_of(observations.begin(), observations.end(),
                                      [](const Observation& observation) { return observation.robot.has_value(); });
-  if (cameras.empty()) result.missing.push_back("no view of the board");
-
+  if (cameras.empty()) {
+    result.missing.push_back("the board was found in none of " + std::to_string(observations.size()) +
+                             " images; check its number of squares, and hollow_corner");
+  }
   for (const std::string& camera : cameras) {
-    const calib::IntrinsicsOutcome intrinsics =
-        calib::solveIntrinsics(board, observations, camera, Stream::kColor, options.intrinsics);
-    if (!intrinsics.result) {
-      result.missing.push_back("intrinsics of " + camera + ": " + calib::toString(intrinsics.status));
-      continue;
-    }
+    const auto intrinsics = solveIntrinsics(board, observations, camera, options, result.missing);
+    if (!intrinsics) continue;
     CameraResult camera_result;
     camera_result.camera = camera;
-    camera_result.intrinsics = *intrinsics.result;
+    camera_result.intrinsics = *intrinsics;
     if (has_robot) {
-      calib::ReprojectionOptions reprojection;
-      reprojection.mount = options.mount;
-      reprojection.robot_sigma_m = options.robot_sigma_m;
-      reprojection.robot_sigma_rad = options.robot_sigma_rad;
-      const calib::HandEyeOutcome hand_eye = calib::solveHandEyeReprojection(
-          board, intrinsics.result->camera, observations, camera, Stream::kColor, reprojection);
-      if (hand_eye.solution) {
-        camera_result.hand_eye = hand_eye.solution;
-      } else {
-        result.missing.push_back("hand-eye of " + camera + ": " + calib::toString(hand_eye.status));
-      }
+      camera_result.hand_eye =
+          solveHandEye(board, intrinsics->camera, observations, camera, options, result.missing);
+    } else if (options.given_intrinsics) {
+      result.missing.push_back(camera + ": intrinsics are given and there are no robot poses; nothing to solve");
     }
     result.cameras.push_back(std::move(camera_result));
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "servocal/procedure/summary.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
@@ -21,15 +22,24 @@ constexpr double kRadToDeg = 180.0 / M_PI;
   return buffer;
 }
 
+/// "5 of 6"
+std::string usedOfFound(const std::vector<ViewResidual>& views) {
+  const auto used = std::count_if(views.begin(), views.end(), [](const ViewResidual& view) { return view.used; });
+  return std::to_string(used) + " of " + std::to_string(views.size());
+}
+
 std::string intrinsicsText(const IntrinsicsResult& intrinsics) {
-  std::string text = format("  Intrinsics, %d x %d px, %s, from %zu views (%d corners), residual %.3f px RMS\n",
-                            intrinsics.camera.width_px, intrinsics.camera.height_px,
-                            toString(intrinsics.camera.lens), intrinsics.views.size(), intrinsics.corners,
-                            intrinsics.rms_px);
-  const auto& names = parameterNames(intrinsics.camera.lens);
+  const CameraModel& camera = intrinsics.camera;
+  const bool solved = intrinsics.sigma.size() == camera.parameters.size();
+  std::string text = format("  Intrinsics, %d x %d px, %s, ", camera.width_px, camera.height_px, toString(camera.lens));
+  text += solved ? format("from %s views (%d corners), residual %.3f px RMS\n",
+                          usedOfFound(intrinsics.views).c_str(), intrinsics.corners, intrinsics.rms_px)
+                 : std::string("given\n");
+  const auto& names = parameterNames(camera.lens);
   for (std::size_t i = 0; i < names.size(); ++i) {
-    const char* pattern = i < 4 ? "    %-3s %11.3f +- %.3f px" : "    %-3s %11.5f +- %.5f";
-    text += format(pattern, names[i].c_str(), intrinsics.camera.parameters[i], intrinsics.sigma[i]);
+    text += format(i < 4 ? "    %-3s %11.3f" : "    %-3s %11.5f", names[i].c_str(), camera.parameters[i]);
+    if (solved) text += format(i < 4 ? " +- %.3f" : " +- %.5f", intrinsics.sigma[i]);
+    if (i < 4) text += " px";
     if (i % 2 == 1 || i + 1 == names.size()) text += '\n';
   }
   return text;
@@ -51,9 +61,9 @@ std::string handEyeText(const HandEyeSolution& hand_eye) {
   return poseText(fixed ? "camera in base (bMc)" : "camera on flange (eMc)", hand_eye.camera_pose,
                   hand_eye.camera_sigma) +
          poseText(fixed ? "board on flange (eMo)" : "board in base (bMo)", hand_eye.board_pose, hand_eye.board_sigma) +
-         format("    residual %.3f px RMS, robot corrected by %.2f mm and %.3f deg RMS; scatter if the robot is\n"
+         format("    %s views, residual %.3f px RMS, robot corrected by %.2f mm and %.3f deg RMS; scatter if the robot is\n"
                 "    believed: %.2f mm, %.3f deg. A residual is fit, not accuracy.\n",
-                hand_eye.rms_px, hand_eye.robot_rms_m * 1e3, hand_eye.robot_rms_rad * kRadToDeg,
+                usedOfFound(hand_eye.views).c_str(), hand_eye.rms_px, hand_eye.robot_rms_m * 1e3, hand_eye.robot_rms_rad * kRadToDeg,
                 hand_eye.scatter_m * 1e3, hand_eye.scatter_rad * kRadToDeg);
 }
 

@@ -3,8 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <regex>
+#include <set>
 #include <sstream>
 
 #include "errors.h"
@@ -140,6 +143,34 @@ TEST_F(CellFile, SimulationIsDemandedBySimulatedBackends) {
 TEST_F(CellFile, UrdfIsRelativeToTheCellFile) {
   EXPECT_EQ(load(changed("urdf: ur5 ", "urdf: robots/my.urdf ")).arm.urdf,
             (folder_ / "robots/my.urdf").string());
+}
+
+/// Words that look like keys ("word:" at the start of a line, a list item or a flow mapping).
+std::set<std::string> keysOfDefaultCell() {
+  std::set<std::string> keys;
+  const std::string text = defaultCell().text;
+  const std::regex key("(?:^|\\n)[ -]*([A-Za-z_][A-Za-z0-9_]*):");
+  for (std::sregex_iterator match(text.begin(), text.end(), key), end; match != end; ++match) {
+    keys.insert((*match)[1]);
+  }
+  return keys;
+}
+
+// The default cell names every key there is; the page must name the same, no more and no less.
+TEST(CellPage, DocumentsEveryKeyAndNoOther) {
+  std::ostringstream page;
+  page << std::ifstream(SERVOCAL_CELL_PAGE).rdbuf();
+  const std::string text = page.str();
+  const std::set<std::string> keys = keysOfDefaultCell();
+  EXPECT_GT(keys.size(), 50u);
+  for (const std::string& key : keys) {
+    EXPECT_NE(text.find("`" + key + "`"), std::string::npos) << "docs/cell-file.md lacks `" << key << "`";
+  }
+  const std::regex row("\\n\\| `([A-Za-z0-9_]+)` \\|");
+  for (std::sregex_iterator match(text.begin(), text.end(), row), end; match != end; ++match) {
+    EXPECT_EQ(keys.count((*match)[1]), 1u)
+        << "docs/cell-file.md has a key that does not exist: " << (*match)[1];
+  }
 }
 
 }  // namespace

@@ -125,6 +125,10 @@ struct CellConfig {
 ///   key, a missing key, a wrong type or a value out of range.
 CellConfig loadCell(const std::filesystem::path& file);
 
+/// The same from a text, e.g. one kept in a session; `origin` names it in messages. A URDF file that it
+/// names is relative to the current folder.
+CellConfig parseCell(const std::string& text, const std::string& origin);
+
 /// The default cell, embedded in the program: one simulated UR5, one Kinect-v2-like color camera.
 CellConfig defaultCell();
 

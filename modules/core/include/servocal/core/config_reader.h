@@ -51,6 +51,8 @@ class ConfigReader {
   std::vector<double> numbers(std::string_view key, std::size_t size, Range range,
                               const std::vector<double>& fallback) const;
   Eigen::Vector3d vector3(std::string_view key, Range range) const;
+  /// A matrix as a list of rows, a flat list row by row, or OpenCV's and ROS' {rows, cols, data}.
+  Eigen::MatrixXd matrix(std::string_view key, int rows, int cols, Range range) const;
   std::vector<std::string> texts(std::string_view key) const;
   /// A nested mapping; call finish() on it too.
   ConfigReader section(std::string_view key) const;

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "servocal/calib/intrinsics.h"
 #include "servocal/core/board_spec.h"
+#include "servocal/core/camera_model.h"
 #include "servocal/core/cell_config.h"
 #include "servocal/core/observation.h"
 #include "servocal/core/result.h"
@@ -16,11 +18,13 @@ struct SolveOptions {
   Mount mount = Mount::kFixed;
   double robot_sigma_m = 0.0003;    ///< Declared robot noise per axis and stop.
   double robot_sigma_rad = 0.0005;
+  std::optional<CameraModel> given_intrinsics;  ///< Believed instead of solved, for every camera.
 };
 
 /// Solves a set of observations, live or recorded: for every camera that occurs in them, Zhang's
 /// intrinsics, then, where there are robot poses, the hand-eye. What cannot be determined is missing from
-/// the result and named in CalibrationResult::missing; goal_met says whether nothing is.
+/// the result and named in CalibrationResult::missing; goal_met says whether nothing is. An observation
+/// without any view (no board in its image) is listed among the views that were not used.
 CalibrationResult solve(const BoardSpec& board, const std::vector<Observation>& observations,
                         const SolveOptions& options = {});
 

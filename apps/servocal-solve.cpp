@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <iostream>
+#include <map>
+
+#include "servocal/app/main.h"
+#include "servocal/core/error.h"
+#include "servocal/procedure/recorded.h"
+#include "servocal/procedure/summary.h"
+#include "servocal/session/image_set.h"
+#include "servocal/session/session.h"
+
+namespace {
+
+using namespace servocal;
+
+constexpr const char* kFooter = R"(
+Moves no robot.
+
+Example:
+  $ servocal-solve left.yaml --out left-result.yaml
+  camera 'left'
+    intrinsics (plumb_bob, 640 x 480 px): 13 of 13 views, RMS 0.195 px over 702 corners
+      fx   532.8 +- 0.5 px
+      ...
+  Wrote left-result.yaml
+)";
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App cli(
+      "Solves a recorded session, or a folder of images described by a manifest: intrinsics, and with\n"
+      "robot poses where the camera stands.",
+      "servocal-solve");
+  cli.footer(kFooter);
+  std::filesystem::path input, root, out;
+  bool json = false;
+  procedure::SolveOverrides overrides;
+  const std::map<std::string, LensModel> lenses = {{"plumb_bob", LensModel::kPlumbBob},
+                                                   {"rational_polynomial", LensModel::kRational}};
+  cli.add_option("INPUT", input, "Session folder, or manifest of a folder of images (docs/manifest.md)")
+      ->required();
+  cli.add_option("--root", root, "Where the manifest's relative paths start; its own folder if not given");
+  cli.add_option("--out", out,
+                 "Result file, .yaml or .json; result.yaml if neither --out nor --json is given")
+      ->check([](const std::string& name) {
+        const std::string ending = std::filesystem::path(name).extension();
+        return ending == ".yaml" || ending == ".yml" || ending == ".json" ? "" : "must end in .yaml or .json";
+      });
+  cli.add_flag("--json", json, "Print the result as JSON on stdout, the summary on stderr");
+  cli.add_option("--lens", overrides.lens,
+                 "Lens model instead of the input's: plumb_bob, rational_polynomial")
+      ->transform(CLI::CheckedTransformer(lenses));
+  cli.add_option("--fixed", overrides.fixed, "Distortion parameters held at zero, e.g. p1,p2,k3")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"}));
+  return app::guardedMain(cli, argc, argv, [&] {
+    const bool recorded = session::isSession(input);
+    if (!recorded && std::filesystem::is_directory(input)) {
+      throw Error(ErrorKind::kBadData,
+                  "folder '" + input.string() + "' holds no session; name a session or a manifest");
+    }
+    CalibrationResult result = recorded
+                                   ? procedure::solveRecorded(session::Session::open(input), overrides)
+                                   : procedure::solveImages(session::loadImageSet(input, root), overrides);
+    result.provenance = "servocal-solve " + input.string();
+    (json ? std::cerr : std::cout) << procedure::summary(result);
+    if (json) std::cout << session::resultJson(result);
+    if (out.empty() && !json) out = "result.yaml";
+    if (!out.empty()) {
+      session::saveResult(out, result);
+      (json ? std::cerr : std::cout) << "Wrote " << out.string() << '\n';
+    }
+    return result.goal_met ? app::kOk : app::kGoalNotMet;
+  });
+}

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Real recordings, each solved by one command of servocal-solve. They are not part of the project: the
+// environment variable SERVOCAL_TEST_DATA names their folder, and without it these tests are skipped.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "run_program.h"
+#include "servocal/procedure/recorded.h"
+
+namespace servocal {
+namespace {
+
+using Json = nlohmann::json;
+
+/// What is known of a recording: "measured" by OpenCV 4.6, "published" by the source.
+struct Reference {
+  const char* manifest;
+  int views;                     ///< At least these many.
+  std::optional<double> rms_px;  ///< At most 1.02 times this, to the digits it is given in.
+  std::vector<std::pair<const char*, double>> parameters;
+};
+
+std::ostream& operator<<(std::ostream& out, const Reference& reference) { return out << reference.manifest; }
+
+std::optional<std::string> dataFolder() {
+  const char* folder = std::getenv("SERVOCAL_TEST_DATA");
+  return folder != nullptr && *folder != '\0' ? std::optional<std::string>(folder) : std::nullopt;
+}
+
+Json solve(const std::string& manifest, const std::string& data) {
+  const test::ProgramRun run = test::runProgram(std::string(SERVOCAL_SOLVE) + " " SERVOCAL_MANIFESTS "/" +
+                                                manifest + ".yaml --json --root " + test::shellWord(data));
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  return run.exit_code == 0 ? Json::parse(run.out) : Json();
+}
+
+class RealData : public ::testing::TestWithParam<Reference> {};
+
+TEST_P(RealData, IntrinsicsAreAsGoodAsTheReference) {
+  const auto data = dataFolder();
+  if (!data) GTEST_SKIP() << "SERVOCAL_TEST_DATA is not set";
+  const Reference& reference = GetParam();
+  const Json result = solve(reference.manifest, *data);
+  ASSERT_FALSE(result.is_null());
+  const Json& intrinsics = result["cameras"][0]["intrinsics"];
+  EXPECT_GE(intrinsics["views_used"].get<int>(), reference.views);
+  const double rms_px = intrinsics["rms_px"];
+  if (reference.rms_px) {
+    EXPECT_LE(rms_px, 1.02 * *reference.rms_px);
+  }
+  for (const auto& [name, value] : reference.parameters) {
+    const Json& parameter = intrinsics["parameters"][name];
+    const double sigma = parameter["sigma"], difference = parameter["value"].get<double>() - value;
+    // The reference has an uncertainty of its own, from the same views with its own corners: larger than
+    // ours in the ratio of the residuals.
+    const double ratio = reference.rms_px ? *reference.rms_px / rms_px : 1.0;
+    EXPECT_LE(std::abs(difference), 3.0 * sigma * std::hypot(1.0, ratio))
+        << name << " = " << parameter["value"] << " +- " << sigma << ", reference " << value;
+    std::printf("%s %s: %.4f +- %.4f, reference %.4f, %.1f of our own standard deviations away\n",
+                reference.manifest, name, parameter["value"].get<double>(), sigma, value,
+                std::abs(difference) / sigma);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Recordings, RealData,
+    ::testing::Values(Reference{"yz_eye_in_hand",
+                                6,
+                                0.122,
+                                {{"fx_px", 641.4}, {"fy_px", 641.0}, {"cx_px", 475.3}, {"cy_px", 290.3}}},
+                      Reference{"opencv_left",
+                                13,
+                                0.195,
+                                {{"fx_px", 532.8}, {"fy_px", 533.0}, {"cx_px", 342.5}, {"cy_px", 233.9}}},
+                      Reference{"opencv_right", 13, 0.207, {}}, Reference{"sony", 13, 0.162, {}},
+                      Reference{"sony_published",
+                                13,
+                                std::nullopt,
+                                {{"fx_px", 701.0117},
+                                 {"fy_px", 698.6538},
+                                 {"cx_px", 308.4552},
+                                 {"cy_px", 246.8430},
+                                 {"k1", -0.25559},
+                                 {"k2", 0.09997}}},
+                      Reference{"bumblebee_left",
+                                11,
+                                0.10,
+                                {{"fx_px", 524.6141},
+                                 {"fy_px", 526.9202},
+                                 {"cx_px", 312.4509},
+                                 {"cy_px", 247.4016},
+                                 {"k1", -0.36254},
+                                 {"k2", 0.17533}}},
+                      Reference{"bumblebee_right",
+                                11,
+                                0.10,
+                                {{"fx_px", 526.4373},
+                                 {"fy_px", 528.6525},
+                                 {"cx_px", 318.4041},
+                                 {"cy_px", 245.9350},
+                                 {"k1", -0.35300},
+                                 {"k2", 0.16297}}},
+                      Reference{"mrpt_left", 4, 0.16, {}}),
+    [](const auto& info) { return std::string(info.param.manifest); });
+
+// Published limit of the source: hand-eye RMS below 1 px. Measured: eMc (94.5, -7.9, 133.4) mm, scatter of
+// the closed form 0.84 mm and 0.16 degrees.
+TEST(RealDataHandEye, EyeInHandAgreesWithTheReference) {
+  const auto data = dataFolder();
+  if (!data) GTEST_SKIP() << "SERVOCAL_TEST_DATA is not set";
+  const Json result = solve("yz_eye_in_hand", *data);
+  ASSERT_FALSE(result.is_null());
+  const Json& hand_eye = result["cameras"][0]["hand_eye"];
+  EXPECT_EQ(hand_eye["mount"], "flange");
+  EXPECT_EQ(hand_eye["views_used"], 6);
+  EXPECT_LT(hand_eye["rms_px"].get<double>(), 1.0);
+  EXPECT_LT(hand_eye["scatter_m"].get<double>(), 0.0015);
+  EXPECT_LT(hand_eye["scatter_deg"].get<double>(), 0.25);
+  EXPECT_EQ(hand_eye["camera_pose"]["name"], "eMc");
+  const double reference_m[3] = {0.0945, -0.0079, 0.1334};
+  for (std::size_t i = 0; i < 3; ++i) {
+    // Six views: two honest solves differ by millimetres along the optical axis, where the intrinsics decide.
+    EXPECT_NEAR(hand_eye["camera_pose"]["translation_m"][i].get<double>(), reference_m[i], 0.006)
+        << "axis " << i;
+  }
+}
+
+// Four cameras of one kind in one folder: no common intrinsics, but the boards count.
+TEST(RealDataDetection, CaliscopeBoards) {
+  const auto data = dataFolder();
+  if (!data) GTEST_SKIP() << "SERVOCAL_TEST_DATA is not set";
+  int boards = 0;
+  for (const Observation& observation :
+       procedure::detectImages(session::loadImageSet(SERVOCAL_MANIFESTS "/caliscope.yaml", *data))) {
+    if (!observation.views.empty()) ++boards;
+  }
+  EXPECT_GE(boards, 7);
+}
+
+}  // namespace
+}  // namespace servocal

@@ -1,0 +1,240 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// servocal-solve as a person runs it, on a small recording that is drawn here, and on damaged ones.
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <nlohmann/json.hpp>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <random>
+
+#include "errors.h"
+#include "run_program.h"
+#include "servocal/core/board_spec.h"
+#include "servocal/core/cell_config.h"
+#include "servocal/session/session.h"
+
+namespace servocal {
+namespace {
+
+using test::expectPart;
+
+/// A folder of images of a plain 7 x 6 checkerboard without lens distortion, and the robot's poses.
+class Recording : public ::testing::Test {
+ protected:
+  static constexpr double kFocalPx = 700.0, kCxPx = 319.5, kCyPx = 239.5, kSquareM = 0.03;
+
+  void SetUp() override {
+    std::mt19937_64 random(11);
+    std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+    std::ofstream poses(folder_ / "poses.csv");
+    poses.precision(17);
+    for (int view = 0; view < 9; ++view) {
+      const Eigen::Vector3d turn(0.5 * uniform(random), 0.5 * uniform(random), 0.4 * uniform(random));
+      const auto cMo = Pose<Color, Board>::fromRotationVector(
+          turn, {0.05 * uniform(random), 0.04 * uniform(random), 0.45 + 0.08 * uniform(random)});
+      draw("view" + std::to_string(view) + ".png", cMo);
+      writePose(poses, "view" + std::to_string(view), bMc_ * cMo * eMo_.inverse());
+    }
+    // An image without a board, whose robot pose would spoil everything if it were used.
+    cv::imwrite((folder_ / "view9.png").string(), cv::Mat(480, 640, CV_8UC1, cv::Scalar(120)));
+    writePose(poses, "view9", Pose<Base, EndEffector>(Eigen::Matrix3d::Identity(), {9, 9, 9}));
+    poses.close();
+    folder_.write("set.yaml", manifest());
+  }
+
+  static std::string manifest(const std::string& mount = "eye_to_hand", const std::string& pose = "bMe") {
+    return "camera: cam\nboard: {squares_x: 7, squares_y: 6, square_size_m: 0.03, hollow_corner: false}\n"
+           "images: \"view*.png\"\nmount: " +
+           mount + "\nposes:\n  pose: " + pose +
+           "\n  format: rotation_vector\n  length_unit: m\n  angle_unit: rad\n  table: poses.csv\n"
+           "  columns: [image, x, y, z, rx, ry, rz]\n";
+  }
+
+  static void writePose(std::ostream& out, const std::string& name, const Pose<Base, EndEffector>& pose) {
+    const Eigen::Vector3d t = pose.translation(), r = pose.rotationVector();
+    out << name << ", " << t.x() << ", " << t.y() << ", " << t.z() << ", " << r.x() << ", " << r.y() << ", "
+        << r.z() << '\n';
+  }
+
+  void draw(const std::string& name, const Pose<Color, Board>& cMo) const {
+    // Drawn large, then warped and shrunk by area, so that edges are smooth.
+    constexpr int kPixelsPerSquare = 80, kOversampling = 4;
+    cv::Mat pattern(8 * kPixelsPerSquare, 9 * kPixelsPerSquare, CV_8UC1, cv::Scalar(230));
+    for (int row = 0; row < 6; ++row) {
+      for (int column = 0; column < 7; ++column) {
+        if ((row + column) % 2 != 0) continue;
+        cv::rectangle(pattern,
+                      {(column + 1) * kPixelsPerSquare, (row + 1) * kPixelsPerSquare, kPixelsPerSquare,
+                       kPixelsPerSquare},
+                      cv::Scalar(25), cv::FILLED);
+      }
+    }
+    Eigen::Matrix3d from_pattern;  // pattern pixel -> board, m; a pixel's centre is at its index
+    const double scale = kSquareM / kPixelsPerSquare;
+    from_pattern << scale, 0, scale * 0.5 - 4.5 * kSquareM, 0, scale, scale * 0.5 - 4 * kSquareM, 0, 0, 1;
+    Eigen::Matrix3d projection, k, enlarge;
+    projection << cMo.rotation().leftCols<2>(), cMo.translation();
+    k << kFocalPx, 0, kCxPx, 0, kFocalPx, kCyPx, 0, 0, 1;
+    const double shift = 0.5 * (kOversampling - 1);
+    enlarge << kOversampling, 0, shift, 0, kOversampling, shift, 0, 0, 1;
+    const Eigen::Matrix3d h = enlarge * k * projection * from_pattern;
+    cv::Mat homography(3, 3, CV_64F), big, image;
+    for (int i = 0; i < 9; ++i) homography.at<double>(i / 3, i % 3) = h(i / 3, i % 3);
+    cv::warpPerspective(pattern, big, homography, cv::Size(640 * kOversampling, 480 * kOversampling),
+                        cv::INTER_LINEAR, cv::BORDER_CONSTANT, cv::Scalar(150));
+    cv::resize(big, image, cv::Size(640, 480), 0, 0, cv::INTER_AREA);
+    cv::Mat noise(image.size(), CV_16SC1);
+    cv::randn(noise, 0, 2);  // OpenCV's default generator: the same in every run
+    cv::add(image, noise, image, cv::noArray(), CV_8U);
+    cv::imwrite((folder_ / name).string(), image);
+  }
+
+  test::ProgramRun solve(const std::string& arguments) const {
+    return test::runProgram("cd " + test::shellWord(folder_.path().string()) + " && " SERVOCAL_SOLVE " " +
+                            arguments);
+  }
+
+  test::TemporaryFolder folder_;
+  const Pose<Base, Color> bMc_ = Pose<Base, Color>::fromRotationVector({0.3, 2.0, -0.5}, {0.8, -0.2, 0.5});
+  const Pose<EndEffector, Board> eMo_ =
+      Pose<EndEffector, Board>::fromRotationVector({0.1, -0.2, 0.3}, {0.01, 0.02, 0.1});
+};
+
+TEST_F(Recording, EyeToHandFromImagesToResultFile) {
+  const test::ProgramRun run = solve("set.yaml --out new/result.json");
+  ASSERT_EQ(run.exit_code, 0) << run.out << run.err;
+  EXPECT_EQ(run.out.substr(run.out.rfind("Wrote")), "Wrote new/result.json\n");
+  expectPart(run.out, "9 of 10 views");
+  expectPart(run.out, "view9.png (no board found; its robot pose is left out too)");
+  const auto result = nlohmann::json::parse(std::ifstream(folder_ / "new/result.json"));
+  const auto& camera = result["cameras"][0];
+  EXPECT_NEAR(camera["intrinsics"]["parameters"]["fx_px"]["value"].get<double>(), kFocalPx, 1.5);
+  EXPECT_NEAR(camera["intrinsics"]["parameters"]["cx_px"]["value"].get<double>(), kCxPx, 1.5);
+  EXPECT_LT(camera["intrinsics"]["rms_px"].get<double>(), 0.1);
+  EXPECT_EQ(camera["hand_eye"]["mount"], "fixed");
+  EXPECT_EQ(camera["hand_eye"]["views_used"], 9);
+  EXPECT_EQ(camera["hand_eye"]["views"].size(), 10u);
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_NEAR(camera["hand_eye"]["camera_pose"]["translation_m"][i].get<double>(), bMc_.translation()[i],
+                0.002);
+  }
+}
+
+// The same images, read as a camera on the flange: the inverse robot poses make it the same geometry.
+TEST_F(Recording, EyeInHandIsTheSameWithInvertedPoses) {
+  folder_.write("set.yaml", manifest("eye_in_hand", "eMb"));
+  const test::ProgramRun run = solve("set.yaml --json");
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const auto result = nlohmann::json::parse(run.out);
+  const auto& hand_eye = result["cameras"][0]["hand_eye"];
+  EXPECT_EQ(hand_eye["camera_pose"]["name"], "eMc");
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_NEAR(hand_eye["camera_pose"]["translation_m"][i].get<double>(), bMc_.translation()[i], 0.002);
+  }
+}
+
+TEST_F(Recording, GivenIntrinsicsAreBelieved) {
+  folder_.write(
+      "camera.yaml",
+      "image_width: 640\nimage_height: 480\n"
+      "camera_matrix: {rows: 3, cols: 3, data: [700, 0, 319.5, 0, 700, 239.5, 0, 0, 1]}\n"
+      "distortion_model: plumb_bob\ndistortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}\n");
+  folder_.write("set.yaml", manifest() + "intrinsics_file: camera.yaml\n");
+  const test::ProgramRun run = solve("set.yaml --json");
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const auto result = nlohmann::json::parse(run.out);
+  EXPECT_EQ(result["cameras"][0]["intrinsics"]["source"], "given");
+  EXPECT_EQ(result["cameras"][0]["intrinsics"]["parameters"]["fx_px"]["value"], 700.0);
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_NEAR(result["cameras"][0]["hand_eye"]["camera_pose"]["translation_m"][i].get<double>(),
+                bMc_.translation()[i], 0.001);
+  }
+}
+
+TEST_F(Recording, DamagedInputIsNamedAndHasItsExitCode) {
+  const auto expectRefusal = [&](const std::string& arguments, int exit_code, const std::string& part) {
+    const test::ProgramRun run = solve(arguments);
+    EXPECT_EQ(run.exit_code, exit_code) << run.err;
+    expectPart(run.err, part);
+    EXPECT_EQ(run.out, "");
+  };
+  expectRefusal("nowhere.yaml", 3, "nowhere.yaml': there is no such file");
+  folder_.write("typo.yaml", manifest() + "lenz: plumb_bob\n");
+  expectRefusal("typo.yaml", 3, "unknown key 'lenz'; did you mean 'lens'?");
+  folder_.write("none.yaml",
+                "board: {squares_x: 7, squares_y: 6, square_size_m: 0.03, hollow_corner: false}\n"
+                "images: \"*.tif\"\n");
+  expectRefusal("none.yaml", 2, "matches '*.tif'");
+  expectRefusal("set.yaml --lens fisheye", 2, "fisheye");
+  expectRefusal("set.yaml --out result.txt", 2, "must end in .yaml or .json");
+  expectRefusal("set.yaml --fixed k6", 3, "plumb_bob has no parameter 'k6' to fix");
+  expectRefusal(".", 8, "holds no session");
+  std::filesystem::resize_file(folder_ / "view3.png", 1000);
+  expectRefusal("set.yaml", 8, "view3.png' is truncated");
+  cv::imwrite((folder_ / "view3.png").string(), cv::Mat(240, 320, CV_8UC1, cv::Scalar(120)));
+  expectRefusal("set.yaml", 8, "view3.png' has 320x240 px, most others have 640x480");
+}
+
+TEST_F(Recording, NoBoardAnywhereIsAGoalNotMet) {
+  folder_.write("set.yaml",
+                "board: {squares_x: 12, squares_y: 9, square_size_m: 0.03, hollow_corner: false}\n"
+                "images: \"view*.png\"\n");
+  const test::ProgramRun run = solve("set.yaml --json");
+  EXPECT_EQ(run.exit_code, 4) << run.err;
+  expectPart(run.err, "the board was found in none of 10 images");
+}
+
+TEST(SolveApp, SolvesARecordedSession) {
+  // Views of the default board by an ideal camera; the session holds corners, no images.
+  const test::TemporaryFolder folder;
+  const BoardSpec board;
+  CameraModel camera = CameraModel::fromFieldOfView(1920, 1080, 1.466);
+  const auto bMc = Pose<Base, Color>::fromRotationVector({0.3, 2.0, -0.5}, {0.8, -0.2, 0.5});
+  const auto eMo = Pose<EndEffector, Board>::fromRotationVector({0.1, -0.2, 0.3}, {0.01, 0.02, 0.1});
+  std::mt19937_64 random(12);
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  std::normal_distribution<double> noise(0.0, 0.05);
+  {
+    session::Session session = session::Session::create(folder / "run", defaultCell().text, board, 1);
+    for (int view = 0; view < 12; ++view) {
+      const auto cMo = Pose<Color, Board>::fromRotationVector(
+          {0.5 * uniform(random), 0.5 * uniform(random), 0.4 * uniform(random)},
+          {0.2 * uniform(random), 0.1 * uniform(random), 0.5 + 0.1 * uniform(random)});
+      Observation observation;
+      observation.stage = "cover";
+      observation.robot.emplace();
+      observation.robot->q = Eigen::VectorXd::Zero(6);
+      observation.robot->bMe = bMc * cMo * eMo.inverse();
+      StreamObservation seen;
+      seen.camera = defaultCell().cameras.front().name;
+      seen.width_px = 1920;
+      seen.height_px = 1080;
+      seen.detection.orientation_known = true;
+      for (int id = 0; id < board.cornerCount(); ++id) {
+        Corner corner;
+        corner.id = id;
+        corner.pixel =
+            *camera.project(cMo * board.corner(id)) + Eigen::Vector2d(noise(random), noise(random));
+        corner.covariance_px2 = 0.0025 * Eigen::Matrix2d::Identity();
+        seen.detection.corners.push_back(corner);
+      }
+      observation.views = {seen};
+      session.add(observation, {});
+    }
+  }
+  const test::ProgramRun run = test::runProgram(std::string(SERVOCAL_SOLVE) + " " +
+                                                test::shellWord((folder / "run").string()) + " --json");
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const auto result = nlohmann::json::parse(run.out);
+  EXPECT_EQ(result["cameras"][0]["hand_eye"]["views_used"], 12);
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_NEAR(result["cameras"][0]["hand_eye"]["camera_pose"]["translation_m"][i].get<double>(),
+                bMc.translation()[i], 0.003);
+  }
+}
+
+}  // namespace
+}  // namespace servocal
