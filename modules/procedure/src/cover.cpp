@@ -50,13 +50,11 @@ CoverResult cover(Run& run, const std::vector<TiltLimit>& tilt_limits) {
     if (!next.view) break;
 
     if (next.view->via_start) run.moveTo(run.guard().kinematics().forward(start_q));
-    const servo::DriveOutcome outcome = run.drive("cover", next.view->cdMo);
-    const bool arrived = outcome.status == DriveStatus::kReached || outcome.status == DriveStatus::kPlateau;
-    const auto observation = arrived ? run.observe("cover") : std::nullopt;
+    const Run::Visit visit = run.visit("cover", next.view->cdMo);
     bool helped = false;
-    if (observation) {
+    if (visit.observation) {
       ++result.views;
-      const BoardDetection& detection = observation->views.front().detection;
+      const BoardDetection& detection = visit.observation->views.front().detection;
       std::vector<Eigen::Vector2d> pixels;
       for (const Corner& corner : detection.corners) pixels.push_back(corner.pixel);
       if (const auto cMo = run.observer().poseOf(detection)) {
@@ -73,7 +71,7 @@ CoverResult cover(Run& run, const std::vector<TiltLimit>& tilt_limits) {
     const int open = static_cast<int>(coverage.openCells().size());
     run.setEta(per_view_s * std::min(config.max_views - result.views, std::max(1, (open + 1) / 2)));
     run.report("cover", result.views, config.max_views,
-               arrived ? "" : std::string(toString(outcome.status)) + ": " + outcome.reason);
+               visit.observation ? "" : std::string(toString(visit.drive.status)) + ": " + visit.drive.reason);
   }
   result.summary = coverage.summary();
   result.missing = coverage.missing();

@@ -86,8 +86,8 @@ std::optional<Observation> Run::observe(const std::string& stage) {
   return observation;
 }
 
-servo::DriveOutcome Run::drive(const std::string& stage, const Pose<Color, Board>& cdMo,
-                               const servo::DriveOptions& options) {
+Run::Visit Run::visit(const std::string& stage, const Pose<Color, Board>& cdMo,
+                      const servo::DriveOptions& options) {
   throwIfStopped();
   servo::CellEstimate estimate;
   estimate.camera = observer_.model();
@@ -98,14 +98,17 @@ servo::DriveOutcome Run::drive(const std::string& stage, const Pose<Color, Board
   attempt.camera = camera();
   attempt.cdMo = cdMo;
   attempt.start = clock().now();
-  const servo::DriveOutcome outcome =
-      servo::drive(guard(), clock(), observer_, cell_.board.corners(), cdMo, estimate, options);
+  Visit visit;
+  visit.drive = servo::drive(guard(), clock(), observer_, cell_.board.corners(), cdMo, estimate, options);
+  const bool arrived = visit.drive.status == DriveStatus::kReached || visit.drive.status == DriveStatus::kPlateau;
+  if (arrived) visit.observation = observe(stage);
   attempt.end = clock().now();
-  attempt.status = outcome.status;
-  attempt.reason = outcome.reason;
+  attempt.status = visit.drive.status;
+  attempt.reason = visit.drive.reason;
+  if (visit.observation) attempt.observation_id = visit.observation->id;
   session_.add(attempt);
   throwIfStopped();
-  return outcome;
+  return visit;
 }
 
 void Run::moveTo(const Pose<Base, EndEffector>& bMe) {

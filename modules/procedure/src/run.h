@@ -21,9 +21,13 @@ class Run {
   /// and updates the belief. Nothing if the board is not seen in most of them.
   std::optional<Observation> observe(const std::string& stage);
 
-  /// Drives the board to a view; stores the attempt.
-  servo::DriveOutcome drive(const std::string& stage, const Pose<Color, Board>& cdMo,
-                            const servo::DriveOptions& options = {});
+  /// A drive, and what was observed where it ended.
+  struct Visit {
+    servo::DriveOutcome drive;
+    std::optional<Observation> observation;
+  };
+  /// Drives the board to a view, observes there if it arrived, and stores the attempt.
+  Visit visit(const std::string& stage, const Pose<Color, Board>& cdMo, const servo::DriveOptions& options = {});
   /// Moves the flange straight to a pose, on robot states alone.
   /// @throws Error (kSafetyStop) if a limit is in the way.
   void moveTo(const Pose<Base, EndEffector>& bMe);

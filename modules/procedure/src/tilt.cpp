@@ -22,8 +22,8 @@ std::vector<TiltLimit> findTiltLimits(Run& run) {
   using Eigen::Vector3d;
   const std::vector<Direction> directions = {
       {"roll+", Vector3d::UnitZ(), 45 * kDegree},   {"roll-", -Vector3d::UnitZ(), 45 * kDegree},
-      {"pitch+", Vector3d::UnitX(), 75 * kDegree},  {"pitch-", -Vector3d::UnitX(), 75 * kDegree},
-      {"yaw+", Vector3d::UnitY(), 75 * kDegree},    {"yaw-", -Vector3d::UnitY(), 75 * kDegree}};
+      {"pitch+", Vector3d::UnitX(), 85 * kDegree},  {"pitch-", -Vector3d::UnitX(), 85 * kDegree},
+      {"yaw+", Vector3d::UnitY(), 85 * kDegree},    {"yaw-", -Vector3d::UnitY(), 85 * kDegree}};
   const int planned = static_cast<int>(directions.size());
 
   servo::DriveOptions step_options;
@@ -33,8 +33,7 @@ std::vector<TiltLimit> findTiltLimits(Run& run) {
   const Pose<Color, Board> cMo_facing(Eigen::Matrix3d::Identity(),
                                       {0, 0, 1.1 * run.cell().coverage.near_distance_m});
   run.report("tilt", 0, planned);
-  run.drive("tilt", cMo_facing);
-  run.observe("tilt");
+  run.visit("tilt", cMo_facing);
   run.updateBelief();
   const Eigen::VectorXd q_facing = run.guard().state().q;
 
@@ -50,13 +49,11 @@ std::vector<TiltLimit> findTiltLimits(Run& run) {
         limit.ended_by = "reach";
         break;
       }
-      const servo::DriveOutcome outcome = run.drive("tilt", cdMo, step_options);
-      if (outcome.status == DriveStatus::kLimit || outcome.status == DriveStatus::kUnreachable) {
-        limit.ended_by = "reach";
-        break;
-      }
-      if (outcome.status == DriveStatus::kTargetLost || !run.observe("tilt")) {
-        limit.ended_by = "detection";
+      const Run::Visit visit = run.visit("tilt", cdMo, step_options);
+      if (!visit.observation) {
+        const DriveStatus status = visit.drive.status;
+        const bool out_of_reach = status == DriveStatus::kLimit || status == DriveStatus::kUnreachable;
+        limit.ended_by = out_of_reach ? "reach" : "detection";
         break;
       }
       limit.limit_rad = angle;

@@ -24,7 +24,7 @@ struct PlanOptions {
   std::vector<double> distances_m;      ///< Wanted distances along the optical axis, near first.
   double tilt_rad = 0.6;                ///< Lean of tilted candidates; below every measured tilt limit.
   double roll_rad = 0.35;               ///< Turn in the image of rolled candidates.
-  double image_margin_px = 12.0;        ///< Kept between the squares' outline and the image border.
+  double image_margin_px = 24.0;        ///< Kept between the squares' outline and the image border.
   double min_singular_value = 0.03;     ///< Of the Jacobian on the way; below it the arm is near singular.
 };
 
