@@ -127,7 +127,7 @@ std::optional<Objection> PositionRules::along(const RobotState& state, const Twi
   for (const Eigen::Vector3d& point_e : body_.outline_e) lever = std::max(lever, point_e.norm());
   const double turning = twist.angular_radps.norm();
   const double fastest = twist.linear_mps.norm() + turning * lever;
-  if (fastest == 0.0) return std::nullopt;
+  if (twist.isZero()) return std::nullopt;
   const int steps = std::max(
       2, static_cast<int>(std::ceil(length_s * std::max(fastest / kPathStepM, turning / kPathStepRad))));
 
@@ -146,7 +146,7 @@ std::optional<Objection> PositionRules::along(const RobotState& state, const Twi
     if (!speeds.allFinite())
       return Objection{GuardRule::kJoint, "The arm would come to a singular pose."};
     if (left * speeds.cwiseAbs().maxCoeff(&fastest_joint) > limits_.max_joint_speed_radps * (1.0 + 1e-6))
-      return Objection{GuardRule::kJoint,
+      return Objection{GuardRule::kJointSpeed,
                        format("Joint %.0f would have to race, so near is a singular pose.",
                               static_cast<double>(fastest_joint + 1))};
     q += (to_s - from_s) * speeds;
@@ -160,7 +160,10 @@ std::optional<Objection> PositionRules::along(const RobotState& state, const Twi
                                                    static_cast<double>(joint + 1), q[joint])};
     }
 
-    const Depths here = depths(followed(state.bMe, twist, to_s));
+    const Pose<Base, EndEffector> bMe = followed(state.bMe, twist, to_s);
+    if (left * speedUse(twist, bMe.rotation(), body_, limits_) > 1.0 + 1e-6)
+      return Objection{GuardRule::kSpeed, "The turning board would become too fast."};
+    const Depths here = depths(bMe);
     for (Eigen::Index column = here.value.cols() - 1; column >= 0; --column) {
       for (Eigen::Index row = 0; row < here.value.rows(); ++row) {
         const double depth = here.value(row, column);
