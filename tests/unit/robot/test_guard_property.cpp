@@ -56,6 +56,7 @@ class Violations {
         (state.q - last_.q).cwiseAbs().maxCoeff() >
             limits_.max_joint_speed_radps * (allowed + 0.01) * toSeconds(state.stamp - last_.stamp))
       ++count["joint speed"];
+    if (last_.q.size()) travelled_m += distanceM(last_.bMe, state.bMe);
     last_ = state;
     for (const Eigen::Vector3d& point_e : points_e_) {
       const Eigen::Vector3d point = state.bMe * point_e;
@@ -85,6 +86,7 @@ class Violations {
     return all;
   }
   std::map<std::string, int> count;
+  double travelled_m = 0.0;
 
  private:
   const Kinematics& kinematics_;
@@ -163,6 +165,7 @@ Violations run(const MotionLimits& guarded, int commands, const FakeArmOptions& 
       arm->state();
     }
     spell.watchAcceleration(*arm);
+    violations.travelled_m += spell.travelled_m;
     for (const auto& [name, n] : spell.count) violations.count[name] += n;
   }
   return violations;
@@ -171,6 +174,7 @@ Violations run(const MotionLimits& guarded, int commands, const FakeArmOptions& 
 TEST(GuardProperty, NoCommandBreaksAnyLimitOfAnIdealArm) {
   const Violations found = run(cellLimits(), 20000, {}, 1e-6, 1e-9);
   EXPECT_TRUE(found.count.empty()) << found.text();
+  EXPECT_GT(found.travelled_m, 5.0);  // It was not for standing still.
 }
 
 // An arm that follows 30 ms late (first order) cuts the corners of every path; look_ahead allows for it.
