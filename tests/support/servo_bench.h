@@ -17,15 +17,17 @@ namespace servocal::test {
 
 inline constexpr double kDegree = 0.017453292519943295;
 
+inline MotionLimits cellLimits() {
+  MotionLimits limits;
+  limits.workspace = {"workspace", {-1.0, -1.0, 0.0}, {1.0, 1.0, 1.2}};
+  return limits;
+}
+
 struct BenchOptions {
   FakeArmOptions arm;
   FakeObserverOptions observer;
   robot::GuardOptions guard;
-  MotionLimits limits = [] {
-    MotionLimits limits;
-    limits.workspace = {"workspace", {-1.0, -1.0, 0.0}, {1.0, 1.0, 1.2}};
-    return limits;
-  }();
+  MotionLimits limits = cellLimits();
   double focal_error = 0.0;  ///< Relative, of the camera model the loop believes in.
   bool ignore_distortion = false;
 };
