@@ -21,6 +21,8 @@ constexpr double kStillRadps = 0.003;
 constexpr int kStillStates = 3;           // in so many states in a row.
 constexpr double kStopWithinS = 2.0;
 constexpr double kRounding = 1.0 + 1e-9;
+// Aimed at, so that the arm's turning between two commands does not carry a board corner or a joint over.
+constexpr double kSpeedShare = 0.98;
 // A motion asked for and slowed down to less than this is a refusal.
 constexpr double kCreepMps = 0.002;
 constexpr double kCreepRadps = 0.004;
@@ -169,16 +171,16 @@ GuardVerdict Guard::command(const Twist<Base>& wanted, std::optional<Instant> se
   };
 
   Twist<Base> target = wanted;
-  if (const double speed_use = speedUse(target, bRe, rules_->body(), limits_); speed_use > kRounding) {
-    target = (1.0 / speed_use) * target;
-    intervene(GuardRule::kSpeed, "Slowed down to the speed limits.");
+  if (const double speed_use = speedUse(target, bRe, rules_->body(), limits_); speed_use > kSpeedShare) {
+    target = (kSpeedShare / speed_use) * target;
+    if (speed_use > kRounding) intervene(GuardRule::kSpeed, "Slowed down to the speed limits.");
   }
   if (const double joint_use = jointUse(target); !std::isfinite(joint_use)) {
     target = {};
     intervene(GuardRule::kJoint, "The arm is at a singular pose and cannot move that way.");
-  } else if (joint_use > kRounding) {
-    target = (1.0 / joint_use) * target;
-    intervene(GuardRule::kJointSpeed, "Slowed down to the joint speed limit.");
+  } else if (joint_use > kSpeedShare) {
+    target = (kSpeedShare / joint_use) * target;
+    if (joint_use > kRounding) intervene(GuardRule::kJointSpeed, "Slowed down to the joint speed limit.");
   }
 
   // Everything between braking and the ramped command obeys the acceleration limits, and the speed
@@ -211,7 +213,8 @@ GuardVerdict Guard::command(const Twist<Base>& wanted, std::optional<Instant> se
     if (!objection) objection = std::move(found);
   }
   if (objection) intervene(objection->rule, objection->reason);
-  verdict.braking = verdict.rule >= GuardRule::kJoint && creeps(applied) && !creeps(wanted);
+  const bool hindered = objection || verdict.rule == GuardRule::kJoint || verdict.rule == GuardRule::kJointSpeed;
+  verdict.braking = hindered && creeps(applied) && !creeps(wanted);
 
   apply(applied, now, seen);
   verdict.applied = applied;

@@ -28,7 +28,8 @@ constexpr double kPi = 3.14159265358979323846;
 constexpr double kReachedM = 1e-4;
 constexpr double kReachedRad = 1e-4;
 constexpr double kNearRad = 1.0;  // A solution with every joint this near the seed is not searched on.
-constexpr int kRestarts = 40;
+constexpr int kRestarts = 30;
+constexpr int kEnoughRestarts = 6;  // Once there is a solution, for one nearer to the seed.
 
 [[noreturn]] void refuse(const ArmConfig& arm, const std::string& what) {
   throw Error(ErrorKind::kInvalidConfig, "URDF '" + arm.urdf + "': " + what);
@@ -188,7 +189,7 @@ std::optional<Eigen::VectorXd> Kinematics::inverse(const Pose<Base, EndEffector>
   // Metres and 0.3 x radians count alike; KDL's default weight would leave a milliradian.
   Eigen::Matrix<double, 6, 1> weights;
   weights << 1.0, 1.0, 1.0, 0.3, 0.3, 0.3;
-  KDL::ChainIkSolverPos_LMA solver(impl_->chain, weights, 1e-7, 100, 1e-14);
+  KDL::ChainIkSolverPos_LMA solver(impl_->chain, weights, 1e-7, 60, 1e-14);
   const KDL::Frame goal = toKdl(bMe);
 
   std::optional<Eigen::VectorXd> best;
@@ -215,6 +216,7 @@ std::optional<Eigen::VectorXd> Kinematics::inverse(const Pose<Base, EndEffector>
       best_distance = distance;
     }
     if (best_distance < kNearRad) break;
+    if (attempt >= kEnoughRestarts) break;
   }
   return best;
 }

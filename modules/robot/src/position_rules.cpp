@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "position_rules.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -11,6 +12,8 @@ namespace {
 constexpr double kGridM = 0.04;        // Between points of the board.
 constexpr double kPathStepM = 0.008;   // Between looks along a path, for the fastest point,
 constexpr double kPathStepRad = 0.03;  // and for the rotation.
+constexpr double kPathStepJointRad = 0.02;
+constexpr double kSingular = 0.02;     // Smallest singular value of the Jacobian (m and rad mixed).
 constexpr double kSlackM = 1e-9;
 constexpr double kSlackRad = 1e-9;
 
@@ -31,6 +34,13 @@ double depthInside(const Box& box, const Eigen::Vector3d& center, double radius)
 // How far a ball reaches out of the box, m; negative inside.
 double depthOutside(const Box& box, const Eigen::Vector3d& center, double radius) {
   return (box.min_m - center).cwiseMax(center - box.max_m).maxCoeff() + radius;
+}
+
+// Rooted from the square: exact enough at kSingular, and an order faster than a decomposition.
+double smallestSingularValue(const Eigen::MatrixXd& jacobian) {
+  const Eigen::Matrix<double, 6, 6> square = jacobian * jacobian.transpose();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> solver(square, Eigen::EigenvaluesOnly);
+  return std::sqrt(std::max(0.0, solver.eigenvalues()[0]));
 }
 
 // The flange pose after following a constant twist (of the flange's origin, base axes) for `time`.
@@ -127,28 +137,34 @@ std::optional<Objection> PositionRules::along(const RobotState& state, const Twi
   for (const Eigen::Vector3d& point_e : body_.outline_e) lever = std::max(lever, point_e.norm());
   const double turning = twist.angular_radps.norm();
   const double fastest = twist.linear_mps.norm() + turning * lever;
-  if (fastest == 0.0) return std::nullopt;
+  if (twist.isZero()) return std::nullopt;
   const int steps = std::max(
       2, static_cast<int>(std::ceil(length_s * std::max(fastest / kPathStepM, turning / kPathStepRad))));
 
   const Depths start = depths(state.bMe);
   Depths before = start;
   Eigen::VectorXd q = state.q;
-  for (int step = 1; step <= steps; ++step) {
-    const double from_s = length_s * (step - 1) / steps;
-    const double to_s = length_s * step / steps;
-
+  double singularity = smallestSingularValue(kinematics_.jacobian(q));
+  for (double from_s = 0.0, to_s = 0.0; from_s < length_s; from_s = to_s) {
     // Joints, by small steps along the Jacobian: near a singularity its change is what matters.
-    const Eigen::VectorXd speeds = jointSpeeds(kinematics_.jacobian(q), twist);
+    const Eigen::MatrixXd jacobian = kinematics_.jacobian(q);
+    const Eigen::VectorXd speeds = jointSpeeds(jacobian, twist);
     // Share of the twist that is left there while braking.
     const double left = from_s <= hold_s ? 1.0 : std::sqrt(std::max(0.0, (length_s - from_s) / (0.5 * brake_s)));
     Eigen::Index fastest_joint = 0;
     if (!speeds.allFinite())
       return Objection{GuardRule::kJoint, "The arm would come to a singular pose."};
+    // No way through a singularity, however short: joints flip there between two looks.
+    const double before_singularity = singularity;
+    singularity = smallestSingularValue(jacobian);
+    if (singularity < kSingular && singularity < before_singularity * (1.0 - 1e-6))
+      return Objection{GuardRule::kJoint, "The arm would come to a singular pose."};
     if (left * speeds.cwiseAbs().maxCoeff(&fastest_joint) > limits_.max_joint_speed_radps * (1.0 + 1e-6))
-      return Objection{GuardRule::kJoint,
+      return Objection{GuardRule::kJointSpeed,
                        format("Joint %.0f would have to race, so near is a singular pose.",
                               static_cast<double>(fastest_joint + 1))};
+    const double step_s = std::min(length_s / steps, kPathStepJointRad / std::max(1e-9, speeds.cwiseAbs().maxCoeff()));
+    to_s = from_s + step_s > length_s * (1.0 - 1e-6) ? length_s : from_s + step_s;
     q += (to_s - from_s) * speeds;
     for (Eigen::Index joint = 0; joint < q.size(); ++joint) {
       const double low = kinematics_.lower()[joint] + limits_.joint_margin_rad;
@@ -160,7 +176,10 @@ std::optional<Objection> PositionRules::along(const RobotState& state, const Twi
                                                    static_cast<double>(joint + 1), q[joint])};
     }
 
-    const Depths here = depths(followed(state.bMe, twist, to_s));
+    const Pose<Base, EndEffector> bMe = followed(state.bMe, twist, to_s);
+    if (left * speedUse(twist, bMe.rotation(), body_, limits_) > 1.0 + 1e-6)
+      return Objection{GuardRule::kSpeed, "The turning board would become too fast."};
+    const Depths here = depths(bMe);
     for (Eigen::Index column = here.value.cols() - 1; column >= 0; --column) {
       for (Eigen::Index row = 0; row < here.value.rows(); ++row) {
         const double depth = here.value(row, column);

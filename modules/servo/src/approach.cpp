@@ -10,7 +10,7 @@ namespace {
 constexpr double kBrakingShare = 0.8;  // Of the acceleration limit; the rest is for corrections.
 constexpr double kStepM = 0.03;        // Of a rehearsal.
 constexpr double kStepRad = 0.1;
-constexpr double kJumpRad = 0.8;       // No joint turns so far in one such step unless the arm flips.
+constexpr double kJumpRad = 0.8;       // Farther than this in one such step is another posture of the arm.
 
 // Speed at which to be at this distance: braking at a constant rate that ends in an exponential.
 double speedAt(double distance, double limit, double acceleration, double gain) {
@@ -69,8 +69,8 @@ std::optional<WayObjection> rehearse(const robot::Guard& guard, const RobotState
     if (reason && was_free) return WayObjection{false, *reason};
     was_free = was_free || !reason;
     const std::optional<Eigen::VectorXd> next = guard.kinematics().inverse(bMe, q);
-    if (!next || (*next - q).cwiseAbs().maxCoeff() > kJumpRad)
-      return WayObjection{false, "The straight way to the goal leads through a singular pose of the arm."};
+    // Near a singular pose this test is too rough to say no; the guard will if it must.
+    if (!next || (*next - q).cwiseAbs().maxCoeff() > kJumpRad) return std::nullopt;
     q = *next;
     for (Eigen::Index joint = 0; joint < q.size(); ++joint)
       if (q[joint] < guard.kinematics().lower()[joint] + margin ||

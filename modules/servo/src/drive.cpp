@@ -26,7 +26,7 @@ constexpr Duration kSearchAtStart = std::chrono::milliseconds(500);  // At the e
 constexpr int kSightsToGoOn = 2;          // In a row, after a loss: one may be a chance hit.
 constexpr double kHandOverM = 0.004;      // The feed-forward move ends so near its goal,
 constexpr double kHandOverRad = 0.02;
-constexpr Duration kForwardStuckFor = std::chrono::milliseconds(200);  // or so long after the border held it.
+constexpr Duration kForwardStuckFor = std::chrono::milliseconds(200);  // or after the border held it so long.
 constexpr double kBorderRatePerS = 5.0;   // Points approach the image margin at this times the distance.
 constexpr double kRetreatShare = 0.5;     // Of the speed limits: a slow camera must find the target again.
 
@@ -39,7 +39,8 @@ void requireUsable(const std::vector<Eigen::Vector3d>& points_o, const Pose<Colo
                    const CellEstimate& cell) {
   if (points_o.size() < 4) throw std::invalid_argument("drive: at least four target points are needed");
   Eigen::Matrix3Xd spread(3, static_cast<Eigen::Index>(points_o.size()));
-  for (std::size_t i = 0; i < points_o.size(); ++i) spread.col(static_cast<Eigen::Index>(i)) = points_o[i] - points_o[0];
+  for (std::size_t i = 0; i < points_o.size(); ++i)
+    spread.col(static_cast<Eigen::Index>(i)) = points_o[i] - points_o[0];
   if (!spread.allFinite()) throw std::invalid_argument("drive: a target point is not a number");
   const Eigen::Vector3d singular = Eigen::JacobiSVD<Eigen::Matrix3Xd>(spread).singularValues();
   if (!(singular[1] > 1e-3 * singular[0]))
@@ -47,7 +48,8 @@ void requireUsable(const std::vector<Eigen::Vector3d>& points_o, const Pose<Colo
   if (!cdMo.isFinite()) throw std::invalid_argument("drive: the goal is not a number");
   if (!cell.eMo.isFinite() || (cell.bMc && !cell.bMc->isFinite()))
     throw std::invalid_argument("drive: the mount or the camera pose is not a number");
-  if (cell.camera.parameters.size() != parameterCount(cell.camera.lens) || !cell.camera.parameters.allFinite())
+  if (cell.camera.parameters.size() != parameterCount(cell.camera.lens) ||
+      !cell.camera.parameters.allFinite())
     throw std::invalid_argument("drive: the camera model is incomplete");
 }
 
@@ -86,7 +88,8 @@ class Run {
       const std::optional<Eigen::Vector2d> pixel = cell_.camera.project(cdMo_ * point_o);
       if (!pixel || !cell_.camera.contains(*pixel, options_.image_margin_px))
         return end(DriveStatus::kUnreachable,
-                   sentence("The goal is not inside the image, %.0f px from its border.", options_.image_margin_px));
+                   sentence("The goal is not inside the image, %.0f px from its border.",
+                            options_.image_margin_px));
       goal_.pixels.push_back(*pixel);
     }
     if (guard_.operatorStopped()) return end(DriveStatus::kStopped, "The operator asked to stop.");
@@ -152,6 +155,8 @@ class Run {
       ++losses_;
       share_ *= 0.5;
       still_since_.reset();
+      seen_now_ = false;  // Only frames after this one tell that it is found again.
+      sights_in_a_row_ = 0;
       phase_ = Phase::kLost;
       return std::nullopt;
     }
@@ -165,9 +170,12 @@ class Run {
     if (refusals_.lasted(verdict, now)) return end(DriveStatus::kLimit, verdict.reason);
     if (!isSettled(now, state, verdict)) return std::nullopt;
     const double error = errorPx();
-    if (error <= options_.reached_px) return end(DriveStatus::kReached, sentence("Settled %.1f px from the goal.", error));
-    return end(DriveStatus::kPlateau, at_border_ ? sentence("Held by the image border %.1f px from the goal.", error)
-                                                 : sentence("Settled %.1f px from the goal: no motion brings it nearer.", error));
+    if (error <= options_.reached_px)
+      return end(DriveStatus::kReached, sentence("Settled %.1f px from the goal.", error));
+    return end(DriveStatus::kPlateau,
+               sentence(at_border_ ? "Held by the image border %.1f px from the goal."
+                                   : "Settled %.1f px from the goal: no motion brings it nearer.",
+                        error));
   }
 
   Twist<EndEffector> wantedTwist(Instant now, const RobotState& state) {
@@ -178,7 +186,8 @@ class Run {
     Twist<EndEffector> wanted;
     if (phase_ == Phase::kForward) {
       wanted = forwardTwist(state);
-      if (distanceM(state.bMe, *flange_goal_) < kHandOverM && angleRad(state.bMe, *flange_goal_) < kHandOverRad)
+      if (distanceM(state.bMe, *flange_goal_) < kHandOverM &&
+          angleRad(state.bMe, *flange_goal_) < kHandOverRad)
         phase_ = Phase::kServo;
     }
     if (phase_ == Phase::kServo) wanted = servoTwist(view, *motion);
@@ -220,7 +229,9 @@ class Run {
       return twist.linear_mps.norm() < options_.settled_speed_mps &&
              twist.angular_radps.norm() < options_.settled_rate_radps;
     };
-    if (phase_ != Phase::kServo || !seen_now_ || verdict.refused() || !slow(verdict.applied) || !slow(state.twist)) {
+    if (!seen_now_) return false;  // A missed frame says nothing about the arm.
+    const bool moves = verdict.refused() || !slow(verdict.applied) || !slow(state.twist);
+    if (phase_ != Phase::kServo || moves) {
       still_since_.reset();
       return false;
     }
@@ -268,14 +279,16 @@ class Run {
     const GuardVerdict verdict = guard_.command(wanted);
     if (verdict.rule == GuardRule::kOperatorStop) return end(DriveStatus::kStopped, verdict.reason);
     if (refusals_.lasted(verdict, now))
-      return end(DriveStatus::kTargetLost, "The target was lost, and the way back is refused: " + verdict.reason);
+      return end(DriveStatus::kTargetLost,
+                 "The target was lost, and the way back is refused: " + verdict.reason);
     return std::nullopt;
   }
 
   double errorPx() const {
     if (!last_) return 0.0;
     double sum = 0.0;
-    for (std::size_t i = 0; i < goal_.pixels.size(); ++i) sum += (last_->pixels[i] - goal_.pixels[i]).squaredNorm();
+    for (std::size_t i = 0; i < goal_.pixels.size(); ++i)
+      sum += (last_->pixels[i] - goal_.pixels[i]).squaredNorm();
     return std::sqrt(sum / static_cast<double>(goal_.pixels.size()));
   }
 

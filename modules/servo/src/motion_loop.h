@@ -36,17 +36,15 @@ class StopOnExit {
 class RefusalTimer {
  public:
   bool lasted(const robot::GuardVerdict& verdict, Instant now) {
-    if (!verdict.refused()) {
-      since_.reset();
-      return false;
-    }
-    if (!since_) since_ = now;
-    return now - since_.value_or(now) >= kRefusedFor;
+    if (!verdict.refused() || !refusing_) since_ = now;
+    refusing_ = verdict.refused();
+    return now - since_ >= kRefusedFor;
   }
-  void reset() { since_.reset(); }
+  void reset() { refusing_ = false; }
 
  private:
-  std::optional<Instant> since_;
+  bool refusing_ = false;
+  Instant since_{};
 };
 
 }  // namespace servocal::servo

@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Random and adversarial commands against an arm that does whatever it is told: no limit is ever broken.
+#include <gtest/gtest.h>
+
+#include <map>
+#include <memory>
+#include <random>
+#include <string>
+
+#include "fake_arm.h"
+#include "servocal/robot/guard.h"
+
+namespace servocal::robot {
+namespace {
+
+using test::FakeArm;
+using test::FakeArmOptions;
+
+constexpr double kHuge = 1e9;
+
+MotionLimits cellLimits() {
+  MotionLimits limits;
+  limits.workspace = {"workspace", {-0.9, -0.9, 0.05}, {0.9, 0.9, 1.1}};
+  limits.keep_out = {{"pedestal", {-0.15, -0.15, 0.0}, {0.15, 0.15, 0.45}},
+                     {"camera", {-0.2, -0.95, 0.3}, {0.1, -0.75, 0.6}},
+                     {"shelf", {0.4, 0.1, 0.5}, {0.6, 0.5, 0.7}}};
+  return limits;
+}
+
+// Counts, by name, how often the true state breaks the true limits.
+class Violations {
+ public:
+  Violations(const Kinematics& kinematics, const MotionLimits& limits, const BoardSpec& board,
+             const Pose<EndEffector, Board>& eMo, double tolerance, double tolerance_m)
+      : kinematics_(kinematics), limits_(limits), tolerance_(tolerance), tolerance_m_(tolerance_m) {
+    for (const Eigen::Vector3d& corner_o : board.outline()) corners_e_.push_back(eMo * corner_o);
+    points_e_ = corners_e_;
+    for (const Eigen::Vector3d& corner_o : board.corners()) points_e_.push_back(eMo * corner_o);
+    points_e_.push_back(Eigen::Vector3d::Zero());
+  }
+
+  void watch(const RobotState& state) {
+    const double allowed = 1.0 + tolerance_;
+    if (state.twist.linear_mps.norm() > limits_.max_speed_mps * allowed) ++count["flange speed"];
+    if (state.twist.angular_radps.norm() > limits_.max_angular_speed_radps * allowed) ++count["angular speed"];
+    for (const Eigen::Vector3d& corner_e : corners_e_) {
+      const Eigen::Vector3d lever = state.bMe.rotation() * corner_e;
+      if ((state.twist.linear_mps + state.twist.angular_radps.cross(lever)).norm() > limits_.max_speed_mps * allowed)
+        ++count["corner speed"];
+    }
+    for (Eigen::Index joint = 0; joint < state.q.size(); ++joint)
+      if (state.q[joint] < kinematics_.lower()[joint] + limits_.joint_margin_rad - 1e-4 ||
+          state.q[joint] > kinematics_.upper()[joint] - limits_.joint_margin_rad + 1e-4)
+        ++count["joint limit"];
+    if (last_.q.size() && state.stamp > last_.stamp &&
+        (state.q - last_.q).cwiseAbs().maxCoeff() >
+            limits_.max_joint_speed_radps * (allowed + 0.01) * toSeconds(state.stamp - last_.stamp))
+      ++count["joint speed"];
+    if (last_.q.size()) travelled_m += distanceM(last_.bMe, state.bMe);
+    last_ = state;
+    for (const Eigen::Vector3d& point_e : points_e_) {
+      const Eigen::Vector3d point = state.bMe * point_e;
+      const Eigen::Array3d slack = Eigen::Array3d::Constant(tolerance_m_);
+      if ((point.array() < limits_.workspace.min_m.array() - slack).any() ||
+          (point.array() > limits_.workspace.max_m.array() + slack).any())
+        ++count["workspace"];
+      for (const Box& box : limits_.keep_out)
+        if ((point.array() > box.min_m.array() + slack).all() && (point.array() < box.max_m.array() - slack).all())
+          ++count["keep-out"];
+    }
+  }
+  void watchAcceleration(const FakeArm& arm) {
+    for (std::size_t i = 1; i < arm.log().size(); ++i) {
+      const FakeArm::Command &before = arm.log()[i - 1], &now = arm.log()[i];
+      // An emergency stop brakes harder, and after a pause the arm has braked by itself.
+      const double dt = toSeconds(now.at - before.at);
+      if (now.stop || before.stop || now.at > before.at + before.valid_for) continue;
+      if ((now.twist.linear_mps - before.twist.linear_mps).norm() > limits_.max_acceleration_mps2 * dt * (1 + 1e-6) + 1e-12 &&
+          !(before.twist.isZero() && now.twist.linear_mps.norm() <= limits_.max_acceleration_mps2 * 0.008 * (1 + 1e-6)))
+        ++count["acceleration"];
+    }
+  }
+  std::string text() const {
+    std::string all;
+    for (const auto& [name, n] : count) all += name + ": " + std::to_string(n) + "; ";
+    return all;
+  }
+  std::map<std::string, int> count;
+  double travelled_m = 0.0;
+
+ private:
+  const Kinematics& kinematics_;
+  MotionLimits limits_;
+  double tolerance_, tolerance_m_;
+  std::vector<Eigen::Vector3d> corners_e_, points_e_;
+  RobotState last_;
+};
+
+struct Adversary {
+  std::mt19937_64 random;
+  Twist<Base> habit{};
+  int persistence = 0;
+
+  double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(random); }
+  Eigen::Vector3d direction() {
+    std::normal_distribution<double> normal;
+    const double x = normal(random), y = normal(random), z = normal(random);
+    return Eigen::Vector3d(x, y, z).normalized();
+  }
+  // Now and then something new: anything from a creep to nonsense, often straight at an obstacle.
+  Twist<Base> twist(const RobotState& state, const MotionLimits& limits) {
+    if (persistence-- > 0) return habit;
+    persistence = static_cast<int>(uniform(0, 60));
+    const double linear = std::pow(10.0, uniform(-3.0, 1.0)), angular = std::pow(10.0, uniform(-3.0, 1.0));
+    habit = {linear * direction(), angular * direction()};
+    const int kind = static_cast<int>(uniform(0, 8));
+    if (kind <= 2) {
+      const Box& box = limits.keep_out[static_cast<std::size_t>(uniform(0, 2.999))];
+      habit.linear_mps = linear * (0.5 * (box.min_m + box.max_m) - state.bMe.translation()).normalized();
+    } else if (kind == 3) {
+      habit.angular_radps.setZero();
+    } else if (kind == 4) {
+      habit.linear_mps.setZero();
+    } else if (kind == 5 && uniform(0, 1) < 0.2) {
+      habit.linear_mps.x() = uniform(0, 1) < 0.5 ? std::numeric_limits<double>::quiet_NaN() : kHuge;
+      persistence = 0;
+    }
+    return habit;
+  }
+};
+
+// Runs `commands` commands in spells from different starts; the guard obeys `guarded`, the count is
+// against cellLimits().
+Violations run(const MotionLimits& guarded, int commands, const FakeArmOptions& fake, double tolerance,
+               double tolerance_m) {
+  const Kinematics kinematics{ArmConfig{}};
+  const BoardSpec board;
+  const auto eMo = Pose<EndEffector, Board>::fromRotationVector({3.0, 0.1, -0.15}, {0.02, -0.03, 0.04});
+  Violations violations(kinematics, cellLimits(), board, eMo, tolerance, tolerance_m);
+  Adversary adversary{std::mt19937_64(2024)};
+  constexpr int kSpell = 250;
+  for (int done = 0; done < commands; done += kSpell) {
+    SimulatedClock clock;
+    Eigen::VectorXd q(6);
+    std::unique_ptr<FakeArm> arm;
+    for (;;) {  // A start that obeys the limits.
+      for (double& angle : q) angle = adversary.uniform(-3.0, 3.0);
+      if (adversary.uniform(0, 1) < 0.2) q[5] = adversary.uniform(5.9, 6.2);
+      arm = std::make_unique<FakeArm>(kinematics, clock, q, fake);
+      Guard probe(*arm, kinematics, clock, cellLimits(), board);
+      probe.setBoard(eMo);
+      if (probe.allows(q)) break;
+    }
+    arm = std::make_unique<FakeArm>(kinematics, clock, q, fake);
+    Violations spell(kinematics, cellLimits(), board, eMo, tolerance, tolerance_m);
+    arm->on_step = [&](const RobotState& state) { spell.watch(state); };
+    Guard guard(*arm, kinematics, clock, guarded, board);
+    guard.setBoard(eMo);
+    for (int i = 0; i < kSpell; ++i) {
+      std::optional<Instant> seen;
+      if (adversary.uniform(0, 1) < 0.5) seen = clock.now() - fromSeconds(adversary.uniform(-0.001, 0.155));
+      (void)guard.command(adversary.twist(arm->state(), cellLimits()), seen);
+      const double luck = adversary.uniform(0, 1);
+      clock.sleepFor(fromSeconds(luck < 0.7 ? 0.008 : luck < 0.97 ? adversary.uniform(0.0, 0.04) : adversary.uniform(0.0, 0.25)));
+      arm->state();
+    }
+    spell.watchAcceleration(*arm);
+    violations.travelled_m += spell.travelled_m;
+    for (const auto& [name, n] : spell.count) violations.count[name] += n;
+  }
+  return violations;
+}
+
+TEST(GuardProperty, NoCommandBreaksAnyLimitOfAnIdealArm) {
+  const Violations found = run(cellLimits(), 20000, {}, 1e-6, 1e-9);
+  EXPECT_TRUE(found.count.empty()) << found.text();
+  EXPECT_GT(found.travelled_m, 5.0);  // It was not for standing still.
+}
+
+// An arm that follows 30 ms late (first order) cuts the corners of every path; look_ahead allows for it.
+TEST(GuardProperty, NoCommandBreaksALimitOfALaggingArm) {
+  FakeArmOptions lagging;
+  lagging.lag_s = 0.03;
+  const Violations found = run(cellLimits(), 5000, lagging, 0.03, 0.001);
+  EXPECT_TRUE(found.count.empty()) << found.text();
+}
+
+// Negative control: the same commands break every limit when nothing guards it.
+TEST(GuardProperty, TheSameCommandsBreakEveryLimitUnguarded) {
+  MotionLimits open;
+  open.workspace = {"workspace", Eigen::Vector3d::Constant(-kHuge), Eigen::Vector3d::Constant(kHuge)};
+  open.max_speed_mps = open.max_angular_speed_radps = open.max_joint_speed_radps = 3.0;
+  open.max_acceleration_mps2 = open.max_angular_acceleration_radps2 = kHuge;
+  open.joint_margin_rad = 0.0;
+  const Violations found = run(open, 5000, {}, 1e-6, 1e-9);
+  for (const char* name : {"flange speed", "angular speed", "corner speed", "joint limit", "joint speed", "workspace",
+                           "keep-out", "acceleration"})
+    EXPECT_GT(found.count.count(name) ? found.count.at(name) : 0, 0) << name;
+}
+
+}  // namespace
+}  // namespace servocal::robot
