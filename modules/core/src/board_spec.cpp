@@ -2,6 +2,15 @@
 #include "servocal/core/board_spec.h"
 
 namespace servocal {
+namespace {
+
+std::vector<Eigen::Vector3d> rectangle(const BoardSpec& board, double rim_m) {
+  const double half_x = 0.5 * board.squares_x * board.square_size_m + rim_m;
+  const double half_y = 0.5 * board.squares_y * board.square_size_m + rim_m;
+  return {{-half_x, -half_y, 0}, {half_x, -half_y, 0}, {half_x, half_y, 0}, {-half_x, half_y, 0}};
+}
+
+}  // namespace
 
 Eigen::Vector3d BoardSpec::corner(int id) const {
   const int column = id % cornersX();
@@ -16,11 +25,9 @@ std::vector<Eigen::Vector3d> BoardSpec::corners() const {
   return points;
 }
 
-std::vector<Eigen::Vector3d> BoardSpec::outline() const {
-  const double half_x = 0.5 * squares_x * square_size_m + margin_m;
-  const double half_y = 0.5 * squares_y * square_size_m + margin_m;
-  return {{-half_x, -half_y, 0}, {half_x, -half_y, 0}, {half_x, half_y, 0}, {-half_x, half_y, 0}};
-}
+std::vector<Eigen::Vector3d> BoardSpec::outline() const { return rectangle(*this, margin_m); }
+
+std::vector<Eigen::Vector3d> BoardSpec::squaresOutline() const { return rectangle(*this, 0.0); }
 
 bool BoardSpec::isSymmetric() const { return !hollow_corner && (squares_x + squares_y) % 2 == 0; }
 

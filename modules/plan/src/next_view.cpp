@@ -21,13 +21,9 @@ struct Candidate {
 std::optional<std::vector<Eigen::Vector2d>> visibleCorners(const Pose<Color, Board>& cMo,
                                                            const CameraModel& camera, const BoardSpec& board,
                                                            double margin_px) {
-  const double half_x = 0.5 * board.squares_x * board.square_size_m;
-  const double half_y = 0.5 * board.squares_y * board.square_size_m;
-  for (const double sx : {-1.0, 0.0, 1.0}) {
-    for (const double sy : {-1.0, 0.0, 1.0}) {
-      const auto pixel = camera.project(cMo * Eigen::Vector3d(sx * half_x, sy * half_y, 0.0));
-      if (!pixel || !camera.contains(*pixel, margin_px)) return std::nullopt;
-    }
+  for (const Eigen::Vector3d& point : board.squaresOutline()) {
+    const auto pixel = camera.project(cMo * point);
+    if (!pixel || !camera.contains(*pixel, margin_px)) return std::nullopt;
   }
   std::vector<Eigen::Vector2d> pixels;
   for (const Eigen::Vector3d& corner : board.corners()) {

@@ -15,6 +15,7 @@ constexpr int kFramesTried = 6;
 constexpr double kStillM = 0.0005;      // the arm may drift this much while a stop's frames are taken
 constexpr double kStillRad = 0.001;
 constexpr std::size_t kMinViewsForIntrinsics = 5;
+constexpr double kDriveMarginPx = 8.0;  // between the squares and the image border on the way
 
 CameraModel nominalModel(const CameraConfig& camera) {
   return CameraModel::fromFieldOfView(camera.width_px, camera.height_px, camera.horizontal_fov_rad);
@@ -86,9 +87,10 @@ std::optional<Observation> Run::observe(const std::string& stage) {
   return observation;
 }
 
-Run::Visit Run::visit(const std::string& stage, const Pose<Color, Board>& cdMo,
-                      const servo::DriveOptions& options) {
+Run::Visit Run::visit(const std::string& stage, const Pose<Color, Board>& cdMo, servo::DriveOptions options) {
   throwIfStopped();
+  options.keep_visible_o = cell_.board.squaresOutline();
+  options.image_margin_px = kDriveMarginPx;
   servo::CellEstimate estimate;
   estimate.camera = observer_.model();
   estimate.eMo = eMo();

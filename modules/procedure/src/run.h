@@ -27,7 +27,7 @@ class Run {
     std::optional<Observation> observation;
   };
   /// Drives the board to a view, observes there if it arrived, and stores the attempt.
-  Visit visit(const std::string& stage, const Pose<Color, Board>& cdMo, const servo::DriveOptions& options = {});
+  Visit visit(const std::string& stage, const Pose<Color, Board>& cdMo, servo::DriveOptions options = {});
   /// Moves the flange straight to a pose, on robot states alone.
   /// @throws Error (kSafetyStop) if a limit is in the way.
   void moveTo(const Pose<Base, EndEffector>& bMe);

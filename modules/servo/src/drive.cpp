@@ -79,18 +79,27 @@ class Run {
   }
 
  private:
+  const std::vector<Eigen::Vector3d>& visible_o() const {
+    return options_.keep_visible_o.empty() ? points_o_ : options_.keep_visible_o;
+  }
+
   enum class Phase { kFirstSight, kForward, kServo, kLost, kRetreat };
   using Ended = std::optional<DriveOutcome>;
 
   Ended checkGoal() {
     goal_.points = imagePoints(cdMo_, points_o_);
+    const auto outside = [&] {
+      return end(DriveStatus::kUnreachable, sentence("The goal is not inside the image, %.0f px from its border.",
+                                                     options_.image_margin_px));
+    };
     for (const Eigen::Vector3d& point_o : points_o_) {
       const std::optional<Eigen::Vector2d> pixel = cell_.camera.project(cdMo_ * point_o);
-      if (!pixel || !cell_.camera.contains(*pixel, options_.image_margin_px))
-        return end(DriveStatus::kUnreachable,
-                   sentence("The goal is not inside the image, %.0f px from its border.",
-                            options_.image_margin_px));
+      if (!pixel) return outside();
       goal_.pixels.push_back(*pixel);
+    }
+    for (const Eigen::Vector3d& point_o : visible_o()) {
+      const std::optional<Eigen::Vector2d> pixel = cell_.camera.project(cdMo_ * point_o);
+      if (!pixel || !cell_.camera.contains(*pixel, options_.image_margin_px)) return outside();
     }
     if (guard_.operatorStopped()) return end(DriveStatus::kStopped, "The operator asked to stop.");
     if (!cell_.bMc) return std::nullopt;
@@ -181,7 +190,8 @@ class Run {
   Twist<EndEffector> wantedTwist(Instant now, const RobotState& state) {
     const View view = tracker_.at(state.bMe);
     const std::optional<PixelMotion> motion = pixelMotion(cell_.camera, view, points_o_, cell_.eMo);
-    if (!motion) return {};
+    const std::optional<PixelMotion> outline = pixelMotion(cell_.camera, view, visible_o(), cell_.eMo);
+    if (!motion || !outline) return {};
 
     Twist<EndEffector> wanted;
     if (phase_ == Phase::kForward) {
@@ -193,7 +203,7 @@ class Run {
     if (phase_ == Phase::kServo) wanted = servoTwist(view, *motion);
 
     const Twist<EndEffector> inside =
-        keepInView(wanted, *motion, cell_.camera, options_.image_margin_px, kBorderRatePerS);
+        keepInView(wanted, *outline, cell_.camera, options_.image_margin_px, kBorderRatePerS);
     const double change = (inside.linear_mps - wanted.linear_mps).norm() +
                           0.2 * (inside.angular_radps - wanted.angular_radps).norm();
     at_border_ = change > 0.5 * (wanted.linear_mps.norm() + 0.2 * wanted.angular_radps.norm());

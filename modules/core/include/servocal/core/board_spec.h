@@ -33,6 +33,9 @@ struct BoardSpec {
   std::vector<Eigen::Vector3d> corners() const;
   /// The plate's outline in o (rim included), clockwise from the upper left, m.
   std::vector<Eigen::Vector3d> outline() const;
+  /// Corners of the squares' outline in o (without the rim), clockwise from the upper left, m. What a
+  /// detector needs to see.
+  std::vector<Eigen::Vector3d> squaresOutline() const;
   /// True if half a turn maps the printed pattern onto itself (no mark, and symmetric colors).
   bool isSymmetric() const;
 };

@@ -46,7 +46,9 @@ struct CellEstimate {
 struct DriveOptions {
   double gain = 5.0;                  ///< 1/s; of the law near the goal. Far away the speed and acceleration
                                       ///< limits bound it (a braking curve that ends in this exponential).
-  double image_margin_px = 25.0;      ///< No target point may come nearer to the image border.
+  std::vector<Eigen::Vector3d> keep_visible_o;  ///< Points in o (m) that must stay in the image, e.g. the
+                                      ///< target's outline; the target points themselves if empty.
+  double image_margin_px = 25.0;      ///< None of them may come nearer to the image border.
   double still_error_px = 0.5;        ///< Improvements smaller than this (RMS) are left: they are noise.
   double settled_speed_mps = 0.002;   ///< Settled: slower than this,
   double settled_rate_radps = 0.006;  ///< turning slower than this,
