@@ -107,14 +107,17 @@ TEST_F(CellFile, ValuesOutOfRange) {
 }
 
 TEST_F(CellFile, StartPoseNamesEveryJoint) {
-  EXPECT_EQ(refusal("start_q_deg: [0, ", "start_q_deg: ["),
-            at("start_q_deg") + "'start_q_deg' must be a list of 6 numbers, not a list of 5");
+  EXPECT_EQ(refusal("start_q_deg: [", "start_q_deg: [0, "),
+            at("start_q_deg") + "'start_q_deg' must be a list of 6 numbers, not a list of 7");
 }
 
 TEST_F(CellFile, BoxesAreNotInsideOut) {
-  EXPECT_EQ(refusal("min_m: [0.85, ", "min_m: [1.85, "),
-            at("min_m: [0.85") + "box 'camera': every number of 'min_m' must be below that of 'max_m'");
-  expectPart(refusal("max_m: [0.95", "max_m: [-0.95"), "box 'workspace': every number of 'min_m'");
+  const std::string first = "    - name: camera\n      min_m: [";
+  EXPECT_EQ(refusal(first, first + "90, 0, 0]\n      max_m: [1, 1, 1]\n    - name: b\n      min_m: ["),
+            "cell.yaml:" + std::to_string(std::stoi(at("    - name: camera").substr(10)) + 1) +
+                ": box 'camera': every number of 'min_m' must be below that of 'max_m'");
+  const std::string workspace = "# where flange and board may be, in the robot base\n    min_m: [";
+  expectPart(refusal(workspace, "\n    min_m: [99, 0, 0] #"), "box 'workspace': every number of 'min_m'");
 }
 
 TEST_F(CellFile, CamerasAreNamedOnceAndSimulatedOnce) {
