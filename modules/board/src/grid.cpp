@@ -319,21 +319,11 @@ bool isWholeBoard(const cv::Mat& gray, const Grid& grid, const BoardSpec& board)
     }
     return white_of_all;
   };
-  // A larger board would go on black beyond the white cells; and no line beside the board would be white
-  // all along, as the rim is, wherever it starts (some boards have narrower outer squares).
-  const auto endsOnSide = [&](const Side& side) {
-    const double one = 1.0 + std::min(0.25, 0.5 * board.margin_m / board.square_size_m);
-    const auto [white, all] = rim(side, one, true);
-    if (white > 0 && 2 * white >= all) return true;
-    for (double beyond = 0.4; beyond < 1.3; beyond += 0.06) {
-      const auto [white_here, all_here] = rim(side, beyond, false);
-      if (all_here >= 3 && 10 * white_here > 7 * all_here) return true;
-    }
-    // A mark needs its printed rim; boards without one are also accepted if no corner follows beyond.
-    if (board.hollow_corner) return false;
-    int next = 0, none = 0;
+  // Corners that follow one square beyond a side, and places there that are none.
+  const auto following = [&](const Side& side) {
     const int corners = side.along_u ? grid.columns : grid.rows;
-    const double line = side.first ? -1 : side.along_u ? grid.rows : grid.columns;
+    const int line = side.first ? -1 : side.along_u ? grid.rows : grid.columns;
+    std::pair<int, int> next_and_none(0, 0);
     for (int k = 0; k < corners; ++k) {
       const Vector2d at = side.along_u ? Vector2d(k, line) : Vector2d(line, k);
       double step = 0.0;
@@ -346,10 +336,27 @@ bool isWholeBoard(const cv::Mat& gray, const Grid& grid, const BoardSpec& board)
         }
       }
       if (!seen) continue;
-      const bool even = (at.x() + at.y()) - 2 * std::floor(0.5 * (at.x() + at.y())) < 0.5;
-      const double expected = even ? grid.at(0, 0).step : -grid.at(0, 0).step;
-      (step * (expected > 0 ? 1 : -1) > 0.7 * grid.step ? next : none)++;
+      // The outer corner of a last black square gives half a step.
+      const int sign = ((k + line) % 2 == 0) == (grid.at(0, 0).step > 0) ? 1 : -1;
+      (step * sign > 0.7 * grid.step ? next_and_none.first : next_and_none.second)++;
     }
+    return next_and_none;
+  };
+  // A larger board would go on black beyond the white cells; and no line beside the board would be white
+  // all along, as the rim is, wherever it starts (some boards have narrower outer squares).
+  const auto endsOnSide = [&](const Side& side) {
+    const auto [next, none] = following(side);
+    if (2 * next > none) return false;
+    const double one = 1.0 + std::min(0.25, 0.5 * board.margin_m / board.square_size_m);
+    const auto [white, all] = rim(side, one, true);
+    if (white > 0 && 2 * white >= all) return true;
+    for (double beyond = 0.4; beyond < 1.3; beyond += 0.06) {
+      const auto [white_here, all_here] = rim(side, beyond, false);
+      if (all_here >= 3 && 10 * white_here > 7 * all_here) return true;
+    }
+    // A mark needs its printed rim; boards without one are also accepted where clearly no corner follows.
+    if (board.hollow_corner) return false;
+    const int corners = side.along_u ? grid.columns : grid.rows;
     return 2 * (next + none) >= corners && 10 * none >= 7 * (next + none);
   };
   return endsOnSide({true, true}) && endsOnSide({true, false}) && endsOnSide({false, true}) &&
