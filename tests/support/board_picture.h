@@ -107,6 +107,43 @@ inline cv::Mat clutter(const cv::Size& size, std::mt19937& random) {
 
 }  // namespace picture
 
+/// Where points of the board plane are seen.
+struct View {
+  View(const BoardSpec& board, const PictureOptions& options)
+      : cx(0.5 * (options.width_px - 1)),
+        cy(0.5 * (options.height_px - 1)),
+        focal(options.focal_px),
+        k1(options.k1),
+        mirror(options.mirror ? -1.0 : 1.0) {
+    using Eigen::Vector3d;
+    const Vector3d sight((options.centre_px.x() - cx) / focal, (options.centre_px.y() - cy) / focal, 1.0);
+    const Vector3d axis(std::cos(options.tilt_axis_rad), std::sin(options.tilt_axis_rad), 0);
+    rotation = (Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), sight) *
+                Eigen::AngleAxisd(options.tilt_rad, axis) * Eigen::AngleAxisd(options.roll_rad, Vector3d::UnitZ()))
+                   .toRotationMatrix();
+    position = sight * (focal * board.square_size_m / options.square_px);
+  }
+
+  /// Pixel of a point (m) of the board plane, in the board frame.
+  Eigen::Vector2d project(double x, double y) const {
+    const Eigen::Vector3d p = rotation * Eigen::Vector3d(mirror * x, y, 0) + position;
+    const Eigen::Vector2d n(p.x() / p.z(), p.y() / p.z());
+    const Eigen::Vector2d d = n * (1 + k1 * n.squaredNorm());
+    return Eigen::Vector2d(focal * d.x() + cx, focal * d.y() + cy);
+  }
+
+  double cx, cy, focal, k1, mirror;
+  Eigen::Matrix3d rotation;
+  Eigen::Vector3d position;
+};
+
+inline std::vector<Eigen::Vector2d> projectOutline(const BoardSpec& board, const PictureOptions& options) {
+  const View view(board, options);
+  std::vector<Eigen::Vector2d> outline;
+  for (const Eigen::Vector3d& corner : board.outline()) outline.push_back(view.project(corner.x(), corner.y()));
+  return outline;
+}
+
 /// Renders a board by casting 32 rays per pixel (a Hammersley set: 32 different columns and rows, so that
 /// even an edge along the pixels is placed to 1/64 px), then blur, light and noise. Shares no code with the
 /// library beyond BoardSpec.
@@ -119,26 +156,13 @@ inline Picture renderPicture(const BoardSpec& board, const PictureOptions& optio
   if (options.clutter) picture::clutter(size, random).convertTo(image, CV_32F);
   else image = cv::Mat(size, CV_32FC1, cv::Scalar(128));
 
-  const double cx = 0.5 * (options.width_px - 1), cy = 0.5 * (options.height_px - 1);
+  const View view(board, options);
+  const double cx = view.cx, cy = view.cy, mirror = view.mirror;
   const double square = board.square_size_m;
-  const double depth = options.focal_px * square / options.square_px;
-  const Vector3d sight((options.centre_px.x() - cx) / options.focal_px, (options.centre_px.y() - cy) / options.focal_px, 1.0);
-  const Vector3d axis(std::cos(options.tilt_axis_rad), std::sin(options.tilt_axis_rad), 0);
-  const Eigen::Quaterniond look = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), sight);
-  const Eigen::Matrix3d rotation = (look * Eigen::AngleAxisd(options.tilt_rad, axis) *
-                                    Eigen::AngleAxisd(options.roll_rad, Vector3d::UnitZ())).toRotationMatrix();
-  const Vector3d position = sight * depth;
-  const double mirror = options.mirror ? -1.0 : 1.0;
-  const auto project = [&](double x, double y) {
-    const Vector3d p = rotation * Vector3d(mirror * x, y, 0) + position;
-    const Vector2d n(p.x() / p.z(), p.y() / p.z());
-    const Vector2d d = n * (1 + options.k1 * n.squaredNorm());
-    return Vector2d(options.focal_px * d.x() + cx, options.focal_px * d.y() + cy);
-  };
 
   Picture result;
-  for (const Vector3d& corner : board.corners()) result.corners.push_back(project(corner.x(), corner.y()));
-  for (const Vector3d& corner : board.outline()) result.outline.push_back(project(corner.x(), corner.y()));
+  for (const Vector3d& corner : board.corners()) result.corners.push_back(view.project(corner.x(), corner.y()));
+  result.outline = projectOutline(board, options);
 
   if (options.board) {
     Vector2d low = result.outline[0], high = result.outline[0];
@@ -150,12 +174,12 @@ inline Picture renderPicture(const BoardSpec& board, const PictureOptions& optio
     const int x1 = std::clamp(static_cast<int>(high.x()) + 4, 0, options.width_px);
     const int y0 = std::clamp(static_cast<int>(low.y()) - 3, 0, options.height_px);
     const int y1 = std::clamp(static_cast<int>(high.y()) + 4, 0, options.height_px);
-    const Vector2d highlight = project(0.2 * board.squares_x * square, -0.1 * square);
+    const Vector2d highlight = view.project(0.2 * board.squares_x * square, -0.1 * square);
     // From normalized image coordinates to the board plane.
     Eigen::Matrix3d to_image;
-    to_image.col(0) = rotation.col(0);
-    to_image.col(1) = rotation.col(1);
-    to_image.col(2) = position;
+    to_image.col(0) = view.rotation.col(0);
+    to_image.col(1) = view.rotation.col(1);
+    to_image.col(2) = view.position;
     const Eigen::Matrix3d to_board = to_image.inverse();
     constexpr int kRays = 32;
     Vector2d rays[kRays];
