@@ -102,7 +102,9 @@ TEST(Guard, LetsAnInnocentCommandThrough) {
 
 TEST(Guard, KeepsTheSpeedLimits) {
   const Twist<Base> fast{{0, 0, 0.9}, {0, 0, 0}}, turning{{0, 0, 0}, {0, 0, 2}};
-  Cell cell, turned;
+  MotionLimits limits = openLimits();
+  limits.max_joint_speed_radps = kHuge;  // alone, not helped by the joints' limit
+  Cell cell(limits), turned(limits);
   const GuardVerdict verdict = cell.hold(fast, 0.25);
   EXPECT_EQ(verdict.rule, GuardRule::kSpeed) << verdict.reason;
   EXPECT_FALSE(verdict.refused());
