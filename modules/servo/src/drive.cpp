@@ -244,6 +244,7 @@ class Run {
     return shift.norm() / static_cast<double>(points_o_.size()) < options_.settled_pixel_rate;
   }
 
+  bool framesCome(Instant now) const { return now - last_frame_came_ < options_.lost_stop; }
   bool foundAgain() const { return seen_now_ && sights_in_a_row_ >= kSightsToGoOn; }
 
   // Target in sight again: go on, or give up here where it is seen.
@@ -259,15 +260,14 @@ class Run {
   Ended lost(Instant now, const RobotState&) {
     if (foundAgain()) return goOn();
     // Without frames a retreat would be as blind as going on: wait for them.
-    if (now - last_->stamp >= options_.lost_retreat && now - last_frame_came_ < options_.lost_retreat)
-      phase_ = Phase::kRetreat;
+    if (now - last_->stamp >= options_.lost_retreat && framesCome(now)) phase_ = Phase::kRetreat;
     return std::nullopt;
   }
 
   Ended retreat(Instant now, const RobotState& state) {
     if (foundAgain()) return goOn();
     Twist<Base> wanted;
-    if (!seen_now_) {  // One sight is a reason to brake, not yet to go on.
+    if (!seen_now_ && framesCome(now)) {  // One sight is a reason to brake, not yet to go on.
       if (const auto back = trail_.back(state.bMe)) {
         wanted = approach(state.bMe, *back, guard_.limits(), kRobotGain, kRetreatShare);
       } else if (!retreat_ended_) {
