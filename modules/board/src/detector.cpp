@@ -150,12 +150,13 @@ std::optional<BoardDetection> Detector::track(const cv::Mat& image) {
   if (x1 - x0 < 24 || y1 - y0 < 24) return std::nullopt;
   const cv::Mat gray = toGray(image(cv::Rect(x0, y0, x1 - x0, y1 - y0)));
 
-  // The coarsest level that still shows the squares well, then the one below.
+  // The coarsest level that still shows the squares well, then its neighbors.
   constexpr double kGoodSpacingPx = 8.0;
   int level = 0;
   while (level < 3 && impl_->spacing_px / (2 << level) >= kGoodSpacingPx) ++level;
   std::vector<int> levels{level};
   if (level > 0) levels.push_back(level - 1);
+  levels.push_back(level + 1);
   const auto found = searchBoard(gray, impl_->board, levels);
   if (!found) return std::nullopt;
   return impl_->accept(*found, Vector2d(x0, y0), true);

@@ -18,7 +18,7 @@ namespace {
 
 constexpr double kPointsPerMm = 72.0 / 25.4;
 constexpr double kPageMarginMm = 7.0;   // Most printers cannot print nearer to the edge.
-constexpr double kFooterMm = 24.0;      // Ruler and text below the board.
+constexpr double kFooterMm = 14.0;      // Ruler and text below the board.
 constexpr double kRulerMm = 100.0;
 
 struct Page {
@@ -133,13 +133,13 @@ void printBoard(const BoardSpec& board, const std::filesystem::path& pdf) {
   }
   cairo_stroke(context.get());
 
-  const double footer = page->height_mm - kPageMarginMm - kFooterMm + 8.0;
+  const double footer = page->height_mm - kPageMarginMm - kFooterMm + 1.5;
   cairo_save(context.get());
   cairo_translate(context.get(), kPageMarginMm + 5.0, footer);
   drawRuler(context.get());
   cairo_move_to(context.get(), kRulerMm + 6.0, 3.0);
   cairo_show_text(context.get(), "Print at 100 %. This ruler must measure 100 mm; measure the squares too.");
-  cairo_move_to(context.get(), 0, 12.0);
+  cairo_move_to(context.get(), 0, 11.5);
   cairo_show_text(context.get(), (dataLine(board) + ", " + page->name).c_str());
   cairo_restore(context.get());
   cairo_show_page(context.get());
