@@ -106,7 +106,7 @@ INSTANTIATE_TEST_SUITE_P(
                                  {"k1", -0.35300},
                                  {"k2", 0.16297}}},
                       Reference{"mrpt_left", 4, 0.16, {}}),
-    [](const auto& info) { return std::string(info.param.manifest); });
+    [](const auto& set) { return std::string(set.param.manifest); });
 
 // Published limit of the source: hand-eye RMS below 1 px. Measured: eMc (94.5, -7.9, 133.4) mm, scatter of
 // the closed form 0.84 mm and 0.16 degrees.
