@@ -27,8 +27,7 @@ int main(int argc, char** argv) {
     } catch (const std::invalid_argument& error) {
       throw Error(ErrorKind::kInvalidConfig, std::string(error.what()) + ". Print fewer or smaller squares.");
     }
-    std::cout << "Wrote " << out.string() << ": " << board.squares_x << " x " << board.squares_y << " squares of "
-              << board.square_size_m * 1000.0 << " mm. Print at 100 % and measure the ruler.\n";
+    std::cout << "Wrote " << out.string() << ": " << board.describe() << ". Print at 100 % and measure the ruler.\n";
     return app::kOk;
   });
 }

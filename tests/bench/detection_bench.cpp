@@ -139,7 +139,8 @@ void line(const char* name, const Tally& t) {
 
 void run(int width, int height, int frames, int opencv_every, unsigned seed) {
   const BoardSpec board;
-  const cv::Size size(board.cornersX(), board.cornersY());
+  const Checkerboard& squares = *board.as<Checkerboard>();
+  const cv::Size size(squares.cornersX(), squares.cornersY());
   std::mt19937 random(seed);
   Ours ours;
   Tally fcc, sb, ours_same;  // The last: ours on the frames that OpenCV saw too.
@@ -168,7 +169,7 @@ void run(int width, int height, int frames, int opencv_every, unsigned seed) {
         if (k % size.width) spacing = std::min(spacing, (picture.corners[k] - picture.corners[k - 1]).norm());
         if (k >= size.width) spacing = std::min(spacing, (picture.corners[k] - picture.corners[k - size.width]).norm());
       }
-      if (board.hollow_inner_ratio * spacing >= 6) {
+      if (squares.hollow_inner_ratio * spacing >= 6) {
         ++ours.visible;
         if (!detection->orientation_known) ++ours.undecided;
       }
@@ -235,13 +236,12 @@ void runWrongBoards(int frames, unsigned seed) {
   const std::pair<int, int> sizes[] = {{7, 6}, {8, 5}, {9, 7}, {6, 5}, {7, 4}, {10, 7}, {5, 5}, {9, 5}};
   for (int frame = 0; frame < frames; ++frame) {
     PictureOptions o = drawOptions(random, 640, 480, test::picture::uniform(random, 0, 55));
-    BoardSpec other;
-    other.hollow_corner = false;
-    std::tie(other.squares_x, other.squares_y) = sizes[frame % 8];
+    const auto [squares_x, squares_y] = sizes[frame % 8];
+    const BoardSpec other{Checkerboard{squares_x, squares_y, 0.03, false}};
     BoardSpec wanted;
     const Picture picture = test::renderPicture(other, o);
     if (board::Detector(wanted).detect(picture.gray)) ++hollow_false;
-    wanted.hollow_corner = false;
+    wanted.pattern = Checkerboard{7, 5, 0.03, false};
     if (board::Detector(wanted).detect(picture.gray)) ++plain_false;
     // A strip over one line of corners.
     o.covers.push_back({-1, 0.7, 8, 1.3, test::picture::uniform(random, 0, 255)});

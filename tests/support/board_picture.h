@@ -55,9 +55,8 @@ inline double uniform(std::mt19937& random, double low, double high) {
 }
 
 /// Reflectance (0 black, 1 white) of the printed board at a point in squares from its upper left, or -1
-/// outside the plate.
-inline double reflectance(const BoardSpec& board, double x, double y) {
-  const double margin = board.margin_m / board.square_size_m;
+/// outside the plate, whose rim is `margin` squares wide.
+inline double reflectance(const Checkerboard& board, double margin, double x, double y) {
   if (x < -margin || y < -margin || x > board.squares_x + margin || y > board.squares_y + margin) return -1;
   if (x < 0 || y < 0 || x >= board.squares_x || y >= board.squares_y) return 1;
   const int column = static_cast<int>(x), row = static_cast<int>(y);
@@ -121,7 +120,7 @@ struct View {
     rotation = (Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), sight) *
                 Eigen::AngleAxisd(options.tilt_rad, axis) * Eigen::AngleAxisd(options.roll_rad, Vector3d::UnitZ()))
                    .toRotationMatrix();
-    position = sight * (focal * board.square_size_m / options.square_px);
+    position = sight * (focal * board.spacing() / options.square_px);
   }
 
   /// Pixel of a point (m) of the board plane, in the board frame.
@@ -158,7 +157,8 @@ inline Picture renderPicture(const BoardSpec& board, const PictureOptions& optio
 
   const View view(board, options);
   const double cx = view.cx, cy = view.cy, mirror = view.mirror;
-  const double square = board.square_size_m;
+  const Checkerboard& squares = *board.as<Checkerboard>();
+  const double square = squares.square_size_m;
 
   Picture result;
   for (const Vector3d& corner : board.corners()) result.corners.push_back(view.project(corner.x(), corner.y()));
@@ -174,7 +174,7 @@ inline Picture renderPicture(const BoardSpec& board, const PictureOptions& optio
     const int x1 = std::clamp(static_cast<int>(high.x()) + 4, 0, options.width_px);
     const int y0 = std::clamp(static_cast<int>(low.y()) - 3, 0, options.height_px);
     const int y1 = std::clamp(static_cast<int>(high.y()) + 4, 0, options.height_px);
-    const Vector2d highlight = view.project(0.2 * board.squares_x * square, -0.1 * square);
+    const Vector2d highlight = view.project(0.2 * squares.squares_x * square, -0.1 * square);
     // From normalized image coordinates to the board plane.
     Eigen::Matrix3d to_image;
     to_image.col(0) = view.rotation.col(0);
@@ -198,10 +198,10 @@ inline Picture renderPicture(const BoardSpec& board, const PictureOptions& optio
           if (options.k1 != 0)
             for (int iteration = 0; iteration < 5; ++iteration) n = d / (1 + options.k1 * n.squaredNorm());
           const Vector3d h = to_board * n.homogeneous();
-          const double bx = mirror * h.x() / h.z() / square + 0.5 * board.squares_x;
-          const double by = h.y() / h.z() / square + 0.5 * board.squares_y;
+          const double bx = mirror * h.x() / h.z() / square + 0.5 * squares.squares_x;
+          const double by = h.y() / h.z() / square + 0.5 * squares.squares_y;
           double gray = row[x];
-          const double r = h.z() > 0 ? picture::reflectance(board, bx, by) : -1;
+          const double r = h.z() > 0 ? picture::reflectance(squares, board.margin_m / square, bx, by) : -1;
           if (r >= 0) gray = options.black + (options.white - options.black) * r;
           for (const auto& cover : options.covers)
             if (bx > cover.x0 && bx < cover.x1 && by > cover.y0 && by < cover.y1) gray = cover.gray;

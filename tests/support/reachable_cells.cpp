@@ -112,8 +112,8 @@ std::vector<Candidate> candidates(const BoardSpec& board, const ReachSearch& sea
   for (const double share : {0.5, 1.0}) {
     for (int i = 0; i < 8; ++i) tilts.emplace_back(share * search.max_tilt_rad, i * M_PI / 4);
   }
-  const double x = board.square_size_m * (board.cornersX() - 1) / 4.0;
-  const double y = board.square_size_m * (board.cornersY() - 1) / 4.0;
+  const Eigen::Vector3d far = board.corner(board.cornerCount() - 1);
+  const double x = 0.5 * far.x(), y = 0.5 * far.y();
   std::vector<Candidate> all;
   for (const auto& [tilt, direction] : tilts) {
     for (const double z : distances) {

@@ -71,7 +71,7 @@ int countLine(const Lattice& lattice, int i, int j, int di, int dj, int length, 
 }
 
 // At the grid's four corners, where the hollow square may be: keeps its white inside out of the window.
-void avoidHollow(const BoardSpec& board, int columns, int rows, const Vector2d& at, CornerGuess& guess) {
+void avoidHollow(const Checkerboard& board, int columns, int rows, const Vector2d& at, CornerGuess& guess) {
   if (!board.hollow_corner) return;
   const auto outwards = [](double place, int count) { return place < 0.5 ? -1 : place > count - 1.5 ? 1 : 0; };
   const Eigen::Vector2i quadrant(outwards(at.x(), columns), outwards(at.y(), rows));
@@ -130,7 +130,7 @@ double Grid::smallestSpacing() const {
   return smallest;
 }
 
-std::vector<Placement> findPlacements(const Lattice& lattice, const BoardSpec& board) {
+std::vector<Placement> findPlacements(const Lattice& lattice, const Checkerboard& board) {
   if (lattice.nodes.empty()) return {};
   int i_min = 1 << 20, i_max = -(1 << 20), j_min = i_min, j_max = i_max;
   for (const auto& [key, node] : lattice.nodes) {
@@ -175,7 +175,7 @@ std::vector<Placement> findPlacements(const Lattice& lattice, const BoardSpec& b
   return placements;
 }
 
-std::optional<Grid> measureGrid(const cv::Mat& gray, const BoardSpec& board, const Lattice& lattice,
+std::optional<Grid> measureGrid(const cv::Mat& gray, const Checkerboard& board, const Lattice& lattice,
                                 double scale, const Placement& placement) {
   const int columns = placement.columns;
   const int rows = placement.rows;
@@ -266,7 +266,7 @@ std::optional<double> brightness(const cv::Mat& gray, const Vector2d& pixel, int
   return static_cast<double>(sum) / (side * side);
 }
 
-bool isWholeBoard(const cv::Mat& gray, const Grid& grid, const BoardSpec& board) {
+bool isWholeBoard(const cv::Mat& gray, const Grid& grid, const Checkerboard& board, double rim_squares) {
   const int radius = std::clamp(static_cast<int>(0.1 * grid.smallestSpacing()), 0, 3);
   // Cells are numbered from -1 (outside the first corner) to columns - 1; even sums share a color.
   const auto cellIsWhite = [&](int column, int row) {
@@ -347,7 +347,7 @@ bool isWholeBoard(const cv::Mat& gray, const Grid& grid, const BoardSpec& board)
   const auto endsOnSide = [&](const Side& side) {
     const auto [next, none] = following(side);
     if (2 * next > none) return false;
-    const double one = 1.0 + std::min(0.25, 0.5 * board.margin_m / board.square_size_m);
+    const double one = 1.0 + std::min(0.25, 0.5 * rim_squares);
     const auto [white, all] = rim(side, one, true);
     if (white > 0 && 2 * white >= all) return true;
     for (double beyond = 0.4; beyond < 1.3; beyond += 0.06) {

@@ -37,22 +37,22 @@ struct Placement {
 
 /// Placements of the board in either order of its dimensions, best first. None where the lattice
 /// visibly goes on beyond the board.
-std::vector<Placement> findPlacements(const Lattice& lattice, const BoardSpec& board);
+std::vector<Placement> findPlacements(const Lattice& lattice, const Checkerboard& board);
 
 /// Measures every corner of a placement to sub-pixel accuracy. `scale` is the lattice's level: one of its
 /// pixels is `scale` pixels of `gray`. Nothing if a corner cannot be measured or the corners do not lie on
 /// a smoothly distorted plane.
 /// At the grid's four corners the window leaves out what a hollow square would disturb.
-std::optional<Grid> measureGrid(const cv::Mat& gray, const BoardSpec& board, const Lattice& lattice,
+std::optional<Grid> measureGrid(const cv::Mat& gray, const Checkerboard& board, const Lattice& lattice,
                                 double scale, const Placement& placement);
 
 /// Measures corners of the grid again with the whole window, where the square outside is known to be
 /// solid. `solid` holds (u, v) signs of the grid's corner: (-1,-1) is the cell beyond (0,0).
 bool remeasureBesideSolid(const cv::Mat& gray, const std::vector<Eigen::Vector2i>& solid, Grid& grid);
 
-/// True if colors alternate as on a checkerboard and every side of it ends in a white rim, not in
+/// `rim_squares`: width of the white rim. True if colors alternate as on a checkerboard and every side of it ends in a white rim, not in
 /// more squares.
-bool isWholeBoard(const cv::Mat& gray, const Grid& grid, const BoardSpec& board);
+bool isWholeBoard(const cv::Mat& gray, const Grid& grid, const Checkerboard& board, double rim_squares);
 
 /// Mean brightness around a point, or nothing if outside the image.
 std::optional<double> brightness(const cv::Mat& gray, const Eigen::Vector2d& pixel, int radius);

@@ -35,7 +35,7 @@ struct CornerCell {
 };
 
 std::optional<CornerCell> measureCornerCell(const cv::Mat& gray, const Grid& grid,
-                                            const Eigen::Vector2i& quadrant, const BoardSpec& board) {
+                                            const Eigen::Vector2i& quadrant, const Checkerboard& board) {
   const double u0 = quadrant.x() < 0 ? -1.0 : grid.columns - 1.0;
   const double v0 = quadrant.y() < 0 ? -1.0 : grid.rows - 1.0;
   const Eigen::Matrix2d axes = grid.warp.jacobian({u0 + 0.5, v0 + 0.5});
@@ -107,7 +107,7 @@ Eigen::Vector2i Turn::firstCorner() const {
   }
 }
 
-MarkResult findTurn(const cv::Mat& gray, const Grid& grid, const BoardSpec& board) {
+MarkResult findTurn(const cv::Mat& gray, const Grid& grid, const Checkerboard& board) {
   MarkResult result;
   // Turns whose dimensions fit, and whose square (0,0) is black: the one diagonally outside corner 0.
   for (int quarters = 0; quarters < 4; ++quarters) {

@@ -33,6 +33,6 @@ struct MarkResult {
 
 /// Decides how the board lies from its colors and, if it has one, from its hollow corner square. The
 /// square's picture is compared with the picture a hollow and a solid one would give at this blur.
-MarkResult findTurn(const cv::Mat& gray, const Grid& grid, const BoardSpec& board);
+MarkResult findTurn(const cv::Mat& gray, const Grid& grid, const Checkerboard& board);
 
 }  // namespace servocal::board

@@ -43,7 +43,7 @@ void fillSquare(cairo_t* context, double x, double y, double side) {
 }
 
 // In mm, upper left corner of the squares at the origin.
-void drawSquares(cairo_t* context, const BoardSpec& board) {
+void drawSquares(cairo_t* context, const Checkerboard& board) {
   const double square = board.square_size_m * 1000.0;
   for (int row = 0; row < board.squares_y; ++row) {
     for (int column = 0; column < board.squares_x; ++column) {
@@ -80,18 +80,16 @@ void drawRuler(cairo_t* context) {
 
 std::string dataLine(const BoardSpec& board) {
   std::ostringstream text;
-  text << "servocal board: " << board.squares_x << " x " << board.squares_y << " squares of "
-       << board.square_size_m * 1000.0 << " mm, " << board.cornersX() << " x " << board.cornersY() << " inner corners, ";
-  if (board.hollow_corner) text << "one corner hollow (inside " << board.hollow_inner_ratio << " of a square), ";
-  text << "rim " << board.margin_m * 1000.0 << " mm";
+  text << "servocal board: " << board.describe() << ", rim " << board.margin_m * 1000.0 << " mm";
   return text.str();
 }
 
 }  // namespace
 
 void printBoard(const BoardSpec& board, const std::filesystem::path& pdf) {
-  const double squares_width = board.squares_x * board.square_size_m * 1000.0;
-  const double squares_height = board.squares_y * board.square_size_m * 1000.0;
+  const Eigen::Vector3d far = board.patternOutline()[2];
+  const double squares_width = 2000.0 * far.x();
+  const double squares_height = 2000.0 * far.y();
   const double rim = board.margin_m * 1000.0;
   const Page* page = nullptr;
   for (const Page& candidate : kPages) {
@@ -117,7 +115,7 @@ void printBoard(const BoardSpec& board, const std::filesystem::path& pdf) {
                      0.5 * (page->height_mm - kFooterMm - 2 * kPageMarginMm - 2 * rim - squares_height);
   cairo_save(context.get());
   cairo_translate(context.get(), left, top);
-  drawSquares(context.get(), board);
+  drawSquares(context.get(), *board.as<Checkerboard>());
   cairo_restore(context.get());
 
   // Where to cut: hairlines at the corners of the rim.

@@ -11,10 +11,10 @@ namespace servocal::board {
 namespace {
 
 // Measures and checks one place where the board may lie.
-std::optional<Found> examine(const cv::Mat& gray, const BoardSpec& board, const Lattice& lattice, double scale,
-                             const Placement& placement) {
+std::optional<Found> examine(const cv::Mat& gray, const Checkerboard& board, double rim_squares,
+                             const Lattice& lattice, double scale, const Placement& placement) {
   auto grid = measureGrid(gray, board, lattice, scale, placement);
-  if (!grid || !isWholeBoard(gray, *grid, board)) return std::nullopt;
+  if (!grid || !isWholeBoard(gray, *grid, board, rim_squares)) return std::nullopt;
   Found found{std::move(*grid), {}};
   found.mark = findTurn(gray, found.grid, board);
   if (found.mark.status == MarkStatus::kImpossible) return std::nullopt;
@@ -56,7 +56,8 @@ cv::Mat halve(const cv::Mat& gray) {
   return half;
 }
 
-std::optional<Found> searchBoard(const cv::Mat& gray, const BoardSpec& board, const std::vector<int>& levels) {
+std::optional<Found> searchBoard(const cv::Mat& gray, const Checkerboard& board, double rim_squares,
+                                 const std::vector<int>& levels) {
   std::vector<cv::Mat> pyramid{gray};
   std::optional<Found> undecided;
   const int min_nodes = std::max(4, board.cornerCount() * 7 / 10);
@@ -69,7 +70,7 @@ std::optional<Found> searchBoard(const cv::Mat& gray, const BoardSpec& board, co
     const double scale = 1 << level;
     for (const Lattice& lattice : lattices) {
       for (const Placement& placement : findPlacements(lattice, board)) {
-        auto found = examine(gray, board, lattice, scale, placement);
+        auto found = examine(gray, board, rim_squares, lattice, scale, placement);
         if (!found) continue;
         if (!board.hollow_corner || found->mark.status == MarkStatus::kFound) return found;
         if (!undecided) undecided = std::move(found);

@@ -21,6 +21,8 @@ struct Found {
 cv::Mat halve(const cv::Mat& gray);
 
 /// Looks for the board on the given pyramid levels in turn (level n is 2^n times smaller).
-std::optional<Found> searchBoard(const cv::Mat& gray, const BoardSpec& board, const std::vector<int>& levels);
+/// `rim_squares`: width of the white rim around the squares, in squares.
+std::optional<Found> searchBoard(const cv::Mat& gray, const Checkerboard& board, double rim_squares,
+                                 const std::vector<int>& levels);
 
 }  // namespace servocal::board

@@ -34,7 +34,7 @@ std::vector<WeightedCorner> weightedCorners(const BoardSpec& board, const BoardD
 }
 
 /// True if the corners span a plane: otherwise the rotation about their line is anybody's guess.
-bool spanPlane(const std::vector<WeightedCorner>& corners, double square_size_m) {
+bool spanPlane(const std::vector<WeightedCorner>& corners, double spacing_m) {
   if (corners.size() < 4) return false;
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
   for (const WeightedCorner& corner : corners) mean += corner.point_o.head<2>();
@@ -45,7 +45,7 @@ bool spanPlane(const std::vector<WeightedCorner>& corners, double square_size_m)
     scatter += offset * offset.transpose();
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(scatter, Eigen::EigenvaluesOnly);
-  return eigen.eigenvalues()[0] > 0.01 * square_size_m * square_size_m;
+  return eigen.eigenvalues()[0] > 0.01 * spacing_m * spacing_m;
 }
 
 struct Normal {
@@ -100,9 +100,9 @@ std::optional<BoardPose> refine(const CameraModel& camera, const std::vector<Wei
   return BoardPose{Pose<Color, Board>(cMo), std::sqrt(normal->cost_px2 / corners.size())};
 }
 
-/// True if two poses put the board's corners at the same places, to a thousandth of a square.
-bool same(const BoardPose& first, const BoardPose& second, double square_size_m) {
-  return distanceM(first.cMo, second.cMo) < 1e-3 * square_size_m && angleRad(first.cMo, second.cMo) < 1e-3;
+/// True if two poses put the board's corners at the same places, to a thousandth of their spacing.
+bool same(const BoardPose& first, const BoardPose& second, double spacing_m) {
+  return distanceM(first.cMo, second.cMo) < 1e-3 * spacing_m && angleRad(first.cMo, second.cMo) < 1e-3;
 }
 
 }  // namespace
@@ -119,12 +119,12 @@ std::vector<BoardPose> boardPoses(const BoardSpec& board, const CameraModel& cam
     normalized.push_back(*ray);
   }
   std::vector<BoardPose> poses;
-  if (!spanPlane(corners, board.square_size_m)) return poses;
+  if (!spanPlane(corners, board.spacing())) return poses;
   for (const Eigen::Isometry3d& start : planarPoses(plane, normalized)) {
     const std::optional<BoardPose> pose = refine(camera, corners, start);
     if (!pose || !pose->cMo.isFinite()) continue;
     const bool known = std::any_of(poses.begin(), poses.end(), [&](const BoardPose& other) {
-      return same(*pose, other, board.square_size_m);
+      return same(*pose, other, board.spacing());
     });
     if (!known) poses.push_back(*pose);
   }
@@ -138,7 +138,7 @@ std::optional<BoardPose> refineBoardPose(const BoardSpec& board, const CameraMod
                                          const Pose<Color, Board>& start) {
   if (!start.isFinite()) throw std::invalid_argument("the start pose is not finite");
   const std::vector<WeightedCorner> corners = weightedCorners(board, detection);
-  if (!spanPlane(corners, board.square_size_m)) return std::nullopt;
+  if (!spanPlane(corners, board.spacing())) return std::nullopt;
   return refine(camera, corners, start.isometry());
 }
 

@@ -18,11 +18,11 @@ constexpr double kAgreementRatio = 0.05;
 constexpr double kGoodShare = 0.85;
 constexpr double kLeastShare = 0.5;
 
-/// Mean distance of the four outer corners between two board poses, m.
+/// Mean distance of the pattern's four corners between two board poses, m.
 double cornerDistance(const BoardSpec& board, const Pose<Color, Board>& first,
                       const Pose<Color, Board>& second) {
-  const double x = 0.5 * (board.cornersX() - 1) * board.square_size_m;
-  const double y = 0.5 * (board.cornersY() - 1) * board.square_size_m;
+  const Eigen::Vector3d far = board.patternOutline()[2];
+  const double x = far.x(), y = far.y();
   const Eigen::Vector3d translation = first.translation() - second.translation();
   const Eigen::Matrix3d rotation = first.rotation() - second.rotation();
   double sum = 0;

@@ -21,7 +21,7 @@ struct Candidate {
 std::optional<std::vector<Eigen::Vector2d>> visibleCorners(const Pose<Color, Board>& cMo,
                                                            const CameraModel& camera, const BoardSpec& board,
                                                            double margin_px) {
-  for (const Eigen::Vector3d& point : board.squaresOutline()) {
+  for (const Eigen::Vector3d& point : board.patternOutline()) {
     const auto pixel = camera.project(cMo * point);
     if (!pixel || !camera.contains(*pixel, margin_px)) return std::nullopt;
   }

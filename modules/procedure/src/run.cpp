@@ -89,7 +89,7 @@ std::optional<Observation> Run::observe(const std::string& stage) {
 
 Run::Visit Run::visit(const std::string& stage, const Pose<Color, Board>& cdMo, servo::DriveOptions options) {
   throwIfStopped();
-  options.keep_visible_o = cell_.board.squaresOutline();
+  options.keep_visible_o = cell_.board.patternOutline();
   options.image_margin_px = kDriveMarginPx;
   servo::CellEstimate estimate;
   estimate.camera = observer_.model();

@@ -73,7 +73,7 @@ CalibrationResult solve(const BoardSpec& board, const std::vector<Observation>& 
                                      [](const Observation& observation) { return observation.robot.has_value(); });
   if (cameras.empty()) {
     result.missing.push_back("the board was found in none of " + std::to_string(observations.size()) +
-                             " images; check its number of squares, and hollow_corner");
+                             " images; check the board's description: it reads " + board.describe());
   }
   for (const std::string& camera : cameras) {
     const auto intrinsics = solveIntrinsics(board, observations, camera, options, result.missing);

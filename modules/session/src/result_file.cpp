@@ -30,12 +30,9 @@ Json matrix(const Eigen::MatrixXd& values) {
 }
 
 Json boardTree(const BoardSpec& board) {
-  return {{"squares_x", board.squares_x},
-          {"squares_y", board.squares_y},
-          {"square_size_m", board.square_size_m},
-          {"hollow_corner", board.hollow_corner},
-          {"hollow_inner_ratio", board.hollow_inner_ratio},
-          {"margin_m", board.margin_m}};
+  Json tree;
+  for (const auto& [key, value] : boardKeys(board)) tree[key] = Json::parse(value);
+  return tree;
 }
 
 Json viewsTree(const std::vector<ViewResidual>& views) {

@@ -3,7 +3,7 @@
 
 namespace servocal::session {
 
-constexpr int kSchemaVersion = 1;
+constexpr int kSchemaVersion = 2;
 
 /// docs/session-format.md explains every column.
 constexpr const char* kSchema = R"sql(

@@ -8,6 +8,7 @@
 #include "durable_file.h"
 #include "rows.h"
 #include "schema.h"
+#include "servocal/core/config_reader.h"
 #include "servocal/core/error.h"
 
 namespace servocal::session {
@@ -108,12 +109,9 @@ Session Session::create(const fs::path& folder, const std::string& cell_text, co
   putMeta(database, "schema_version", std::int64_t{kSchemaVersion});
   putMeta(database, "cell_text", cell_text);
   putMeta(database, "seed", std::to_string(seed));  // as text: SQLite's integers are signed
-  putMeta(database, "board_squares_x", std::int64_t{board.squares_x});
-  putMeta(database, "board_squares_y", std::int64_t{board.squares_y});
-  putMeta(database, "board_square_size_m", board.square_size_m);
-  putMeta(database, "board_hollow_corner", std::int64_t{board.hollow_corner});
-  putMeta(database, "board_hollow_inner_ratio", board.hollow_inner_ratio);
-  putMeta(database, "board_margin_m", board.margin_m);
+  std::string board_text;
+  for (const auto& [key, value] : boardKeys(board)) board_text += key + ": " + value + "\n";
+  putMeta(database, "board_text", board_text);
   transaction.commit();
   syncFolder(folder);
   return Session(std::move(impl));
@@ -190,14 +188,7 @@ std::vector<Attempt> Session::attempts() const { return selectAttempts(*impl_->d
 std::string Session::cellText() const { return impl_->text("cell_text"); }
 
 BoardSpec Session::board() const {
-  BoardSpec board;
-  board.squares_x = static_cast<int>(impl_->number("board_squares_x"));
-  board.squares_y = static_cast<int>(impl_->number("board_squares_y"));
-  board.square_size_m = impl_->number("board_square_size_m");
-  board.hollow_corner = impl_->number("board_hollow_corner") != 0.0;
-  board.hollow_inner_ratio = impl_->number("board_hollow_inner_ratio");
-  board.margin_m = impl_->number("board_margin_m");
-  return board;
+  return readBoard(ConfigReader::fromText(impl_->text("board_text"), "board in " + databaseFile(impl_->folder).string()));
 }
 
 const fs::path& Session::folder() const { return impl_->folder; }

@@ -103,7 +103,7 @@ void BoardLayer::shade(const Eigen::Isometry3d& cMo, const cv::Rect& box) {
   const auto onBoard = [&](int u, int v) -> Eigen::Vector2d {
     const Eigen::Vector3d ray(rays_.xRow(v)[u], rays_.yRow(v)[u], 1.0);
     const Eigen::Vector3d point = rotation_inverse * (ray * (depth / normal.dot(ray)) - cMo.translation());
-    return point.head<2>() / board_.square_size_m;
+    return point.head<2>() / board_.spacing();
   };
   nodes_.create(box.height / kNodeStep + 2, box.width / kNodeStep + 2, CV_32FC4);
   for (int row = 0; row < nodes_.rows; ++row) {
@@ -131,20 +131,21 @@ void BoardLayer::shade(const Eigen::Isometry3d& cMo, const cv::Rect& box) {
 
 void BoardLayer::add(const Eigen::Isometry3d& cMo, const std::vector<Span>& spans, float weight) {
   shade(cMo, box_);
+  const Checkerboard& squares = *board_.as<Checkerboard>();
   Eigen::Matrix3d plane;
-  plane << cMo.linear().col(0) * board_.square_size_m, cMo.linear().col(1) * board_.square_size_m,
-      cMo * Eigen::Vector3d(-0.5 * board_.squares_x * board_.square_size_m,
-                            -0.5 * board_.squares_y * board_.square_size_m, 0.0);
+  plane << cMo.linear().col(0) * squares.square_size_m, cMo.linear().col(1) * squares.square_size_m,
+      cMo * Eigen::Vector3d(-0.5 * squares.squares_x * squares.square_size_m,
+                            -0.5 * squares.squares_y * squares.square_size_m, 0.0);
   const Eigen::Matrix3d from_ray = plane.inverse();
   const bool front = seenFromFront(cMo);
-  const bool hollow = board_.hollow_corner && front;
+  const bool hollow = squares.hollow_corner && front;
   BoardPattern pattern{};
   for (int i = 0; i < 9; ++i) pattern.from_ray[i] = static_cast<float>(from_ray(i / 3, i % 3));
-  pattern.squares_x = static_cast<float>(board_.squares_x);
-  pattern.squares_y = static_cast<float>(board_.squares_y);
-  pattern.margin = static_cast<float>(board_.margin_m / board_.square_size_m);
-  pattern.hollow_low = hollow ? static_cast<float>(0.5 - 0.5 * board_.hollow_inner_ratio) : 0.0F;
-  pattern.hollow_high = hollow ? static_cast<float>(0.5 + 0.5 * board_.hollow_inner_ratio) : 0.0F;
+  pattern.squares_x = static_cast<float>(squares.squares_x);
+  pattern.squares_y = static_cast<float>(squares.squares_y);
+  pattern.margin = static_cast<float>(board_.margin_m / squares.square_size_m);
+  pattern.hollow_low = hollow ? static_cast<float>(0.5 - 0.5 * squares.hollow_inner_ratio) : 0.0F;
+  pattern.hollow_high = hollow ? static_cast<float>(0.5 + 0.5 * squares.hollow_inner_ratio) : 0.0F;
   pattern.plate = static_cast<float>(front ? kWhiteGray : kBackGray);
   pattern.white = pattern.plate;
   pattern.black = static_cast<float>(front ? kBlackGray : kBackGray);

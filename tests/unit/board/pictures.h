@@ -9,11 +9,11 @@
 namespace servocal::test {
 
 inline BoardSpec plainBoard(int squares_x, int squares_y) {
-  BoardSpec board;
-  board.squares_x = squares_x;
-  board.squares_y = squares_y;
-  board.hollow_corner = false;
-  return board;
+  Checkerboard plain;
+  plain.squares_x = squares_x;
+  plain.squares_y = squares_y;
+  plain.hollow_corner = false;
+  return BoardSpec{plain};
 }
 
 /// RMS distance between found and true corners of the same id, px. `shift_px` moves what was found.

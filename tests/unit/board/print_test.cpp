@@ -30,7 +30,7 @@ TEST(PrintBoard, IsFoundByTheDetectorAtTrueSize) {
   if (std::system("pdftoppm -v >/dev/null 2>&1") != 0) GTEST_SKIP() << "pdftoppm (poppler-utils) is not installed";
   const test::TemporaryFolder folder;
   BoardSpec large = test::plainBoard(11, 8);
-  large.square_size_m = 0.04;
+  std::get<Checkerboard>(large.pattern).square_size_m = 0.04;
   for (const BoardSpec& board : {BoardSpec(), large}) {
     const auto pdf = folder.path() / "board.pdf";
     board::printBoard(board, pdf);
@@ -66,7 +66,7 @@ TEST(PrintBoard, RefusesWhatItCannotWrite) {
     EXPECT_NE(std::string(error.what()).find("/nonexistent/board.pdf"), std::string::npos) << error.what();
   }
   BoardSpec huge;
-  huge.square_size_m = 0.3;
+  std::get<Checkerboard>(huge.pattern).square_size_m = 0.3;
   EXPECT_THROW(board::printBoard(huge, "unused.pdf"), std::invalid_argument);
 }
 

@@ -42,10 +42,10 @@ TEST_P(Recordings, ShowTheBoard) {
     }
     ++found;
     EXPECT_EQ(static_cast<int>(detection->corners.size()), board.cornerCount());
-    EXPECT_EQ(detection->orientation_known, !board.isSymmetric()) << name;
+    EXPECT_EQ(detection->orientation_known, board.symmetry() == 1) << name;
     EXPECT_TRUE(detector.track(image)) << name;
     // A board of another size is not in the same picture.
-    EXPECT_FALSE(board::Detector(test::plainBoard(board.squares_x - 1, board.squares_y)).detect(image)) << name;
+    EXPECT_FALSE(board::Detector(test::plainBoard(recording.squares_x - 1, recording.squares_y)).detect(image)) << name;
   }
   EXPECT_EQ(images, recording.images);
   EXPECT_GE(found, recording.least_found) << "missed:" << missed;

@@ -87,7 +87,7 @@ TEST(BoardPoses, IsEmptyWithoutAPlane) {
   const test::Scene scene = test::makeScene(2);
   BoardDetection detection = scene.observations[0].views[0].detection;
   BoardDetection row = detection, three = detection;
-  row.corners.resize(scene.board.cornersX());
+  row.corners.resize(scene.board.as<Checkerboard>()->cornersX());
   three.corners.resize(3);
   EXPECT_TRUE(boardPoses(scene.board, scene.camera, row).empty());
   EXPECT_TRUE(boardPoses(scene.board, scene.camera, three).empty());

@@ -123,7 +123,7 @@ TEST(SolveIntrinsics, ReachesTheOptimumOfCalibrateCamera) {
     options.views = 20;
     options.noise.corner_px = 0.2;
     BoardSpec board;
-    board.square_size_m = 0.03125;
+    std::get<Checkerboard>(board.pattern).square_size_m = 0.03125;
     test::Scene scene = test::makeScene(seed, options, test::hdCamera(), board);
     roundToSinglePrecision(scene);
     const Reference reference = calibrateWithOpenCv(scene);

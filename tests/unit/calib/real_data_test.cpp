@@ -39,10 +39,7 @@ struct Recording {
 
 BoardSpec boardOf(int corners_x, int corners_y, double square_size_m) {
   BoardSpec board;
-  board.squares_x = corners_x + 1;
-  board.squares_y = corners_y + 1;
-  board.square_size_m = square_size_m;
-  board.hollow_corner = false;
+  board.pattern = Checkerboard{corners_x + 1, corners_y + 1, square_size_m, false};
   return board;
 }
 
@@ -52,7 +49,7 @@ Recording detectAll(const std::vector<fs::path>& files, const BoardSpec& board) 
     const cv::Mat image = cv::imread(file.string(), cv::IMREAD_GRAYSCALE);
     if (image.empty()) throw std::runtime_error("cannot read " + file.string());
     std::vector<cv::Point2f> corners;
-    const cv::Size size(board.cornersX(), board.cornersY());
+    const cv::Size size(board.as<Checkerboard>()->cornersX(), board.as<Checkerboard>()->cornersY());
     if (!cv::findChessboardCorners(image, size, corners)) continue;
     cv::cornerSubPix(image, corners, {5, 5}, {-1, -1}, cv::TermCriteria(3, 50, 1e-4));
     Observation observation;
@@ -63,7 +60,7 @@ Recording detectAll(const std::vector<fs::path>& files, const BoardSpec& board) 
     seen.width_px = image.cols;
     seen.height_px = image.rows;
     seen.image_file = file.filename().string();
-    seen.detection.orientation_known = !board.isSymmetric();
+    seen.detection.orientation_known = board.symmetry() == 1;
     for (std::size_t i = 0; i < corners.size(); ++i) {
       seen.detection.corners.push_back(
           {static_cast<int>(i), {corners[i].x, corners[i].y}, Eigen::Matrix2d::Identity() * 0.01});

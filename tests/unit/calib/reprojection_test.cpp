@@ -187,8 +187,8 @@ TEST(SolveHandEyeReprojection, SurvivesAThirdOfForeignPoses) {
 // A board without a mark: half of the views come with the ids of the board turned by half a turn.
 TEST(SolveHandEyeReprojection, DecidesHalfTurnsByTheRobot) {
   BoardSpec plain;
-  plain.hollow_corner = false;
-  ASSERT_TRUE(plain.isSymmetric());
+  std::get<Checkerboard>(plain.pattern).hollow_corner = false;
+  ASSERT_TRUE(plain.symmetry() == 2);
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     test::SceneOptions options;
     options.views = 14;

@@ -189,13 +189,16 @@ TEST(BoardSpec, NumbersCornersRowByRowAboutTheCentre) {
 
 TEST(BoardSpec, KnowsItsSymmetry) {
   BoardSpec board;
-  EXPECT_FALSE(board.isSymmetric());
-  board.hollow_corner = false;
-  EXPECT_TRUE(board.isSymmetric());  // 7 x 5
-  board.squares_y = 6;
-  EXPECT_FALSE(board.isSymmetric());  // half a turn swaps the colors
-  board.squares_x = 8;
-  EXPECT_TRUE(board.isSymmetric());
+  EXPECT_EQ(board.symmetry(), 1);
+  auto& squares = std::get<Checkerboard>(board.pattern);
+  squares.hollow_corner = false;
+  EXPECT_EQ(board.symmetry(), 2);  // 7 x 5
+  squares.squares_y = 6;
+  EXPECT_EQ(board.symmetry(), 1);  // half a turn swaps the colors
+  squares.squares_x = 8;
+  EXPECT_EQ(board.symmetry(), 2);
+  squares.squares_x = squares.squares_y = 7;
+  EXPECT_EQ(board.symmetry(), 4);
 }
 
 }  // namespace

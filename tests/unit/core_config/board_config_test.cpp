@@ -16,10 +16,11 @@ std::string refusal(const std::string& text) {
 
 TEST(BoardFile, ReadsAnOrdinaryCheckerboard) {
   const BoardSpec board = read("squares_x: 10\nsquares_y: 7\nsquare_size_m: 0.025\nhollow_corner: false\n");
-  EXPECT_EQ(board.cornersX(), 9);
-  EXPECT_EQ(board.cornersY(), 6);
-  EXPECT_EQ(board.square_size_m, 0.025);
-  EXPECT_FALSE(board.hollow_corner);
+  const Checkerboard& squares = *board.as<Checkerboard>();
+  EXPECT_EQ(squares.cornersX(), 9);
+  EXPECT_EQ(squares.cornersY(), 6);
+  EXPECT_EQ(squares.square_size_m, 0.025);
+  EXPECT_FALSE(squares.hollow_corner);
   EXPECT_EQ(board.margin_m, 0.0125);
 }
 

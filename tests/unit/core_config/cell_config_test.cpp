@@ -62,10 +62,10 @@ TEST(DefaultCell, IsTheFileAndSaysTheIssuesLimits) {
   file << std::ifstream(SERVOCAL_DEFAULT_CELL).rdbuf();
   EXPECT_EQ(cell.text, file.str());
   EXPECT_TRUE(cell.file.empty());
-  EXPECT_EQ(cell.board.squares_x, 7);
-  EXPECT_EQ(cell.board.squares_y, 5);
-  EXPECT_EQ(cell.board.square_size_m, 0.03);
-  EXPECT_TRUE(cell.board.hollow_corner);
+  EXPECT_EQ(cell.board.as<Checkerboard>()->squares_x, 7);
+  EXPECT_EQ(cell.board.as<Checkerboard>()->squares_y, 5);
+  EXPECT_EQ(cell.board.spacing(), 0.03);
+  EXPECT_TRUE(cell.board.as<Checkerboard>()->hollow_corner);
   EXPECT_EQ(cell.limits.max_speed_mps, 0.25);
   EXPECT_EQ(cell.limits.max_angular_speed_radps, 0.5);
   EXPECT_EQ(cell.limits.max_acceleration_mps2, 1.2);

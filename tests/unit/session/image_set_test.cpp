@@ -47,7 +47,7 @@ TEST_F(Images, WithoutPoses) {
   EXPECT_EQ(set.lens, LensModel::kRational);
   EXPECT_EQ(set.fixed, std::vector<std::string>{"k6"});
   EXPECT_EQ(set.width_px, 64);
-  EXPECT_EQ(set.board.squares_x, 7);
+  EXPECT_EQ(set.board.as<Checkerboard>()->squares_x, 7);
 }
 
 TEST_F(Images, WithPosesAndARootOfItsOwn) {

@@ -25,7 +25,7 @@ using test::TemporaryFolder;
 
 BoardSpec oddBoard() {
   BoardSpec board;
-  board.square_size_m = 0.1 / 3.0;
+  std::get<Checkerboard>(board.pattern).square_size_m = 0.1 / 3.0;
   board.margin_m = 1.0 / 70.0;
   return board;
 }
@@ -149,9 +149,9 @@ TEST(Session, ReadsBackWhatWasStoredToTheLastBit) {
   }
   const Session session = Session::open(folder / "run");
   EXPECT_EQ(session.cellText(), "name: x\n# \xC3\xA4\n");
-  EXPECT_EQ(session.board().square_size_m, oddBoard().square_size_m);
+  EXPECT_EQ(session.board().spacing(), oddBoard().spacing());
   EXPECT_EQ(session.board().margin_m, oddBoard().margin_m);
-  EXPECT_EQ(session.board().squares_x, 7);
+  EXPECT_EQ(session.board().as<Checkerboard>()->squares_x, 7);
   const std::vector<Observation> read = session.observations();
   ASSERT_EQ(read.size(), 3u);
   for (std::size_t i = 0; i < 3; ++i) {

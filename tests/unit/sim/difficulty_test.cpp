@@ -24,9 +24,9 @@ constexpr const char* kCamera = "front";
 /// finder takes the hollow square for a smaller one, and its inner edges pull at corner 0.
 CellConfig farCell() {
   CellConfig config = test::defaultSimCell();
-  config.board.hollow_corner = false;
+  std::get<Checkerboard>(config.board.pattern).hollow_corner = false;
   SimulatedCameraConfig& camera = config.simulation->cameras[0];
-  camera.position_m.x() = 0.55 + config.board.square_size_m * camera.focal_px / 15.0;
+  camera.position_m.x() = 0.55 + config.board.spacing() * camera.focal_px / 15.0;
   return config;
 }
 

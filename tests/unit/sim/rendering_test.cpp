@@ -49,10 +49,11 @@ cv::Mat rendered(const Eigen::Isometry3d& cMo, const Light& light, const Simulat
 }
 
 /// 1 on white, 0 on black, -1 beside the plate; straight from BoardSpec's description.
-double printedAt(const BoardSpec& board, double x_m, double y_m) {
+double printedAt(const BoardSpec& spec, double x_m, double y_m) {
+  const Checkerboard& board = *spec.as<Checkerboard>();
   const double u = x_m / board.square_size_m + 0.5 * board.squares_x;
   const double v = y_m / board.square_size_m + 0.5 * board.squares_y;
-  const double margin = board.margin_m / board.square_size_m;
+  const double margin = spec.margin_m / board.square_size_m;
   if (u < -margin || v < -margin || u > board.squares_x + margin || v > board.squares_y + margin) return -1;
   if (u < 0 || v < 0 || u >= board.squares_x || v >= board.squares_y) return 1;
   const int column = static_cast<int>(u), row = static_cast<int>(v);
@@ -186,13 +187,13 @@ TEST(Rendering, HollowSquareIsTheOneBeyondCornerZero) {
     const Eigen::Vector2d pixel = testLens().project(cMo * point_o);
     return static_cast<int>(image.at<std::uint8_t>(std::lround(pixel.y()), std::lround(pixel.x())));
   };
-  const double square = board.square_size_m;
+  const double square = board.spacing();
   const Eigen::Vector3d outward(-0.5 * square, -0.5 * square, 0.0);
   EXPECT_GT(grayAt(board.corner(0) + outward), 150);
   EXPECT_LT(grayAt(board.corner(0) + 0.15 * outward), 60);
   EXPECT_LT(grayAt(board.corner(board.cornerCount() - 1) - outward), 60);
   BoardSpec plain;
-  plain.hollow_corner = false;
+  std::get<Checkerboard>(plain.pattern).hollow_corner = false;
   const cv::Mat solid = rendered(cMo, flatLight(), idealCamera(), plain);
   const Eigen::Vector2d centre = testLens().project(cMo * (board.corner(0) + outward));
   EXPECT_LT(solid.at<std::uint8_t>(std::lround(centre.y()), std::lround(centre.x())), 60);

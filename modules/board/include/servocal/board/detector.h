@@ -10,13 +10,15 @@
 
 namespace servocal::board {
 
-/// Finds a checkerboard in gray images; remembers the last one and looks there first.
+/// Finds a board of any kind in images; remembers the last one and looks there first.
 ///
-/// A board is reported only whole, with every inner corner, and, if it has a hollow corner, only ever
-/// with the right orientation or with `orientation_known` false. Never guesses.
+/// A checkerboard or circle grid is reported only whole, with every corner, and, if it has a mark, only
+/// ever with the right orientation or with `orientation_known` false. Boards of coded tags and ChArUco
+/// boards are reported with the corners that are seen. Never guesses.
 class Detector {
  public:
-  /// @throws std::invalid_argument if the board is smaller than 3 x 3 squares.
+  /// @throws std::invalid_argument if the board cannot be detected: fewer than 3 x 3 squares, a square grid of
+  ///   circles without a mark, a tag family that is not known.
   explicit Detector(const BoardSpec& board);
   ~Detector();
   Detector(Detector&&) noexcept;
