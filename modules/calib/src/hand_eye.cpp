@@ -86,27 +86,34 @@ HandEyeResult solveHandEye(const std::vector<HandEyeView>& views, const HandEyeO
   }
   const Eigen::Matrix3d bRc = nearestRotation(correlation);
 
-  // bRe_i t_eo - t_bc = bRc t_co_i - t_be_i: both translations at once, each view counted once.
-  Eigen::Matrix<double, 6, 6> matrix = Eigen::Matrix<double, 6, 6>::Zero();
-  Eigen::Matrix<double, 6, 1> right = Eigen::Matrix<double, 6, 1>::Zero();
+  // bRe_i t_eo - t_bc - s bRc t_co_i = -t_be_i: both translations and the scale s at once, each view
+  // counted once. Without a free scale, s = 1 moves to the right.
+  const int unknowns = options.free_scale ? 7 : 6;
+  Eigen::Matrix<double, 7, 7> matrix = Eigen::Matrix<double, 7, 7>::Zero();
+  Eigen::Matrix<double, 7, 1> right = Eigen::Matrix<double, 7, 1>::Zero();
   for (const HandEyeView& view : views) {
-    Eigen::Matrix<double, 3, 6> row;
-    row << view.bMe.rotation(), -Eigen::Matrix3d::Identity();
+    const Eigen::Vector3d seen_b = bRc * view.cMo.translation();
+    Eigen::Matrix<double, 3, 7> row;
+    row << view.bMe.rotation(), -Eigen::Matrix3d::Identity(), -seen_b;
     matrix += row.transpose() * row;
-    right += row.transpose() * (bRc * view.cMo.translation() - view.bMe.translation());
+    right -= row.transpose() * view.bMe.translation();
+    if (!options.free_scale) right += row.transpose() * seen_b;
   }
-  const Eigen::Matrix<double, 6, 1> translations = matrix.ldlt().solve(right);
+  const Eigen::VectorXd translations =
+      matrix.topLeftCorner(unknowns, unknowns).ldlt().solve(right.head(unknowns));
+  if (options.free_scale) result.scale = translations[6];
 
   Eigen::Matrix3d rotation_sum = Eigen::Matrix3d::Zero();
   for (const HandEyeView& view : views) {
     rotation_sum += view.bMe.rotation().transpose() * bRc * view.cMo.rotation();
   }
-  const Pose<Base, Color> bMc(bRc, translations.tail<3>());
+  const Pose<Base, Color> bMc(bRc, translations.segment<3>(3));
   const Pose<EndEffector, Board> eMo(nearestRotation(rotation_sum), translations.head<3>());
 
   double squared_m = 0, squared_rad = 0;
   for (const HandEyeView& view : views) {
-    const Pose<EndEffector, Board> seen = view.bMe.inverse() * bMc * view.cMo;
+    const Pose<Color, Board> cMo(view.cMo.rotation(), result.scale * view.cMo.translation());
+    const Pose<EndEffector, Board> seen = view.bMe.inverse() * bMc * cMo;
     squared_m += std::pow(distanceM(seen, eMo), 2);
     squared_rad += std::pow(angleRad(seen, eMo), 2);
   }

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <random>
 
+#include "servocal/calib/board_pose.h"
+
 namespace servocal::calib {
 namespace {
 
@@ -18,29 +20,17 @@ constexpr double kAgreementRatio = 0.05;
 constexpr double kGoodShare = 0.85;
 constexpr double kLeastShare = 0.5;
 
-/// Mean distance of the pattern's four corners between two board poses, m.
-double cornerDistance(const BoardSpec& board, const Pose<Color, Board>& first,
-                      const Pose<Color, Board>& second) {
-  const Eigen::Vector3d far = board.patternOutline()[2];
-  const double x = far.x(), y = far.y();
-  const Eigen::Vector3d translation = first.translation() - second.translation();
-  const Eigen::Matrix3d rotation = first.rotation() - second.rotation();
-  double sum = 0;
-  for (const auto& [sign_x, sign_y] : {std::pair{1, 1}, {1, -1}, {-1, 1}, {-1, -1}}) {
-    sum += (translation + rotation.col(0) * (sign_x * x) + rotation.col(1) * (sign_y * y)).norm();
-  }
-  return 0.25 * sum;
-}
-
 struct Nearest {
   int candidate = -1;
   double share_of_limit = 1.0;  // in [0, 1]
 };
 
 Nearest nearest(const BoardSpec& board, const CandidateView& view, const Pose<Base, Color>& bMc,
-                const Pose<EndEffector, Board>& eMo) {
-  const Pose<Color, Board> predicted = bMc.inverse() * view.bMe * eMo;
+                const Pose<EndEffector, Board>& eMo, double scale) {
+  const Pose<Color, Board> in_robot_lengths = bMc.inverse() * view.bMe * eMo;
+  const Pose<Color, Board> predicted(in_robot_lengths.rotation(), in_robot_lengths.translation() / scale);
   Nearest best;
+  if (!(scale > 0)) return best;
   for (std::size_t i = 0; i < view.candidates.size(); ++i) {
     const Pose<Color, Board>& cMo = view.candidates[i].cMo;
     const double limit_m = kAgreementRatio * cMo.translation().norm();
@@ -53,16 +43,17 @@ Nearest nearest(const BoardSpec& board, const CandidateView& view, const Pose<Ba
 struct Consensus {
   Pose<Base, Color> bMc;
   Pose<EndEffector, Board> eMo;
+  double scale = 1.0;
   std::vector<int> choice;
   int agreeing = 0;
   double score = 0.0;  // sum over views of 1 - share^2
 };
 
 Consensus consensus(const BoardSpec& board, const std::vector<CandidateView>& views,
-                    const Pose<Base, Color>& bMc, const Pose<EndEffector, Board>& eMo) {
-  Consensus out{bMc, eMo, std::vector<int>(views.size(), -1), 0, 0.0};
+                    const HandEyeResult& solved) {
+  Consensus out{*solved.bMc, *solved.eMo, solved.scale, std::vector<int>(views.size(), -1), 0, 0.0};
   for (std::size_t i = 0; i < views.size(); ++i) {
-    const Nearest found = nearest(board, views[i], bMc, eMo);
+    const Nearest found = nearest(board, views[i], out.bMc, out.eMo, out.scale);
     out.choice[i] = found.candidate;
     if (found.candidate >= 0) ++out.agreeing;
     out.score += 1.0 - found.share_of_limit * found.share_of_limit;
@@ -85,7 +76,7 @@ Consensus settle(const BoardSpec& board, const std::vector<CandidateView>& views
   for (int round = 0; round < 6; ++round) {
     const HandEyeResult solved = solveChoice(views, current.choice, options);
     if (solved.status != HandEyeStatus::kSolved) break;
-    Consensus next = consensus(board, views, *solved.bMc, *solved.eMo);
+    Consensus next = consensus(board, views, solved);
     if (next.score <= current.score) break;
     const bool same = next.choice == current.choice;
     current = std::move(next);
@@ -130,7 +121,7 @@ Consensus sampleConsensus(const BoardSpec& board, const std::vector<CandidateVie
     const HandEyeResult solved = solveHandEye(sample, sample_options);
     if (solved.status != HandEyeStatus::kSolved) continue;
     ++solved_samples;
-    Consensus trial = consensus(board, views, *solved.bMc, *solved.eMo);
+    Consensus trial = consensus(board, views, solved);
     if (trial.score <= best.score) continue;
     best = settle(board, views, std::move(trial), options);
     if (best.agreeing >= 0.98 * count) break;
@@ -139,6 +130,19 @@ Consensus sampleConsensus(const BoardSpec& board, const std::vector<CandidateVie
 }
 
 }  // namespace
+
+CandidateView candidateView(const BoardSpec& board, const BoardTurns& turns, const CameraModel& camera,
+                            const BoardDetection& detection, const Pose<Base, EndEffector>& bMe) {
+  CandidateView view{bMe, {}};
+  const std::vector<BoardPose> poses = boardPoses(board, camera, detection);
+  for (int turn = 0; turn < turns.count(detection); ++turn) {
+    for (std::size_t i = 0; i < poses.size(); ++i) {
+      view.candidates.push_back(
+          {poses[i].cMo * turns.rotation(turn).inverse(), turn, i == 0, poses[i].rms_px});
+    }
+  }
+  return view;
+}
 
 double axisSpread(const std::vector<Eigen::Matrix3d>& bRe, double min_rotation_rad) {
   std::vector<Eigen::Quaterniond> rotations;
@@ -157,9 +161,21 @@ double axisSpread(const std::vector<Eigen::Matrix3d>& bRe, double min_rotation_r
   return std::max(0.0, eigen.eigenvalues()[1] / eigen.eigenvalues()[2]);
 }
 
+double cornerDistance(const BoardSpec& board, const Pose<Color, Board>& first, const Pose<Color, Board>& second) {
+  const Eigen::Vector3d far = board.patternOutline()[2];
+  const double x = far.x(), y = far.y();
+  const Eigen::Vector3d translation = first.translation() - second.translation();
+  const Eigen::Matrix3d rotation = first.rotation() - second.rotation();
+  double sum = 0;
+  for (const auto& [sign_x, sign_y] : {std::pair{1, 1}, {1, -1}, {-1, 1}, {-1, -1}}) {
+    sum += (translation + rotation.col(0) * (sign_x * x) + rotation.col(1) * (sign_y * y)).norm();
+  }
+  return 0.25 * sum;
+}
+
 int nearestCandidate(const BoardSpec& board, const CandidateView& view, const Pose<Base, Color>& bMc,
                      const Pose<EndEffector, Board>& eMo) {
-  return nearest(board, view, bMc, eMo).candidate;
+  return nearest(board, view, bMc, eMo, 1.0).candidate;
 }
 
 HandEyeStart startHandEye(const BoardSpec& board, const std::vector<CandidateView>& views,
@@ -182,11 +198,12 @@ HandEyeStart startHandEye(const BoardSpec& board, const std::vector<CandidateVie
   best.choice.assign(views.size(), -1);
   const HandEyeResult plain = solveChoice(views, first_choice, options);
   if (plain.status == HandEyeStatus::kSolved) {
-    best = settle(board, views, consensus(board, views, *plain.bMc, *plain.eMo), options);
+    best = settle(board, views, consensus(board, views, plain), options);
   }
   const auto with_pose = static_cast<double>(bRe.size());
   if (best.agreeing < kGoodShare * with_pose) best = sampleConsensus(board, views, options, std::move(best));
-  if (best.agreeing < 3 || best.agreeing < kLeastShare * with_pose) {
+  // Three views agree by chance too easily where there are more.
+  if (best.agreeing < std::min(4.0, with_pose) || best.agreeing < kLeastShare * with_pose) {
     start.status = HandEyeStatus::kInconsistent;
     return start;
   }
@@ -203,6 +220,7 @@ HandEyeStart startHandEye(const BoardSpec& board, const std::vector<CandidateVie
   start.status = HandEyeStatus::kSolved;
   start.bMc = best.bMc;
   start.eMo = best.eMo;
+  start.scale = best.scale;
   start.choice = best.choice;
   return start;
 }

@@ -4,12 +4,14 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <random>
 #include <stdexcept>
 
 #include "arrow.h"
 #include "corner_weight.h"
 #include "homography.h"
 #include "servocal/calib/board_pose.h"
+#include "view_reasons.h"
 
 namespace servocal::calib {
 namespace {
@@ -214,6 +216,69 @@ bool leaveWrongPoses(const BoardSpec& board, const Problem& problem, const std::
   return changed;
 }
 
+/// All views in a given camera, each with the pose that fits it best.
+struct Judged {
+  std::vector<Eigen::Isometry3d> cMo;
+  std::vector<double> rms_px;  // infinite if no pose explains the view
+};
+
+Judged judge(const BoardSpec& board, const CameraModel& camera, const std::vector<View>& views) {
+  Judged out{std::vector<Eigen::Isometry3d>(views.size()), std::vector<double>(views.size(), INFINITY)};
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const std::vector<BoardPose> poses = boardPoses(board, camera, views[i].seen->detection);
+    if (poses.empty()) continue;
+    out.cMo[i] = poses.front().cMo.isometry();
+    out.rms_px[i] = poses.front().rms_px;
+  }
+  return out;
+}
+
+/// Residual above which a view does not belong to the others. The floor is what good corners are off by, so
+/// that among perfect views nobody is the worst; the spread keeps views that differ in honest ways.
+double outlierLimitPx(const std::vector<double>& rms_px, double ratio) {
+  constexpr double kFloorPx = 0.3;
+  const double middle = median(rms_px);
+  std::vector<double> deviations;
+  for (const double rms : rms_px) deviations.push_back(std::abs(rms - middle));
+  return std::max({kFloorPx, ratio * middle, middle + 8.0 * 1.4826 * median(deviations)});
+}
+
+/// A camera from few views that most others agree with: least median of squares over samples of views.
+/// Deterministic. Source: P. Rousseeuw, "Least Median of Squares Regression", JASA 79(388), 1984.
+std::optional<CameraModel> sampledCamera(const BoardSpec& board, const std::vector<View>& views,
+                                         const IntrinsicsOptions& options, const std::vector<int>& free) {
+  constexpr int kSamples = 60;  // 99.9 % to meet five good views of five among 30 % bad ones
+  const std::size_t size = std::min<std::size_t>(5, (views.size() + 1) / 2);
+  if (size < 3) return std::nullopt;
+  // A sample is too small for a whole lens model: focal lengths, principal point and k1.
+  std::vector<int> few;
+  std::copy_if(free.begin(), free.end(), std::back_inserter(few), [](int index) { return index < 5; });
+  std::mt19937 random(20001122);  // the same samples for the same input
+  std::optional<CameraModel> best;
+  double least_px = INFINITY;
+  std::vector<View> sample = views;
+  for (int draw = 0; draw < kSamples; ++draw) {
+    sample = views;
+    for (std::size_t i = 0; i < size; ++i) std::swap(sample[i], sample[i + random() % (sample.size() - i)]);
+    sample.resize(size);
+    State state{startCamera(board, sample, options), {}};
+    const Judged start = judge(board, state.camera, sample);
+    if (!(*std::max_element(start.rms_px.begin(), start.rms_px.end()) < INFINITY)) continue;
+    state.cMo = start.cMo;
+    Problem problem(board, options, few);
+    problem.setViews(sample);
+    const auto fit = minimizeArrow(
+        state, [&](const State& at) { return problem.linearize(at); },
+        [&](const State& at, const ArrowStep& step) { return problem.move(at, step); }, 30, 1e-4);
+    if (!fit || !(fit->state.camera.fx() > 0) || !(fit->state.camera.fy() > 0)) continue;
+    const double middle_px = median(judge(board, fit->state.camera, views).rms_px);
+    if (middle_px >= least_px) continue;
+    least_px = middle_px;
+    best = fit->state.camera;
+  }
+  return best;
+}
+
 /// Condition of what the views say of fx, fy, cx and cy, distortion eliminated: a distortion term that the
 /// data hardly determine is no reason to refuse, a focal length is.
 double pinholeCondition(const Eigen::MatrixXd& information, const std::vector<int>& free) {
@@ -291,8 +356,10 @@ IntrinsicsOutcome solveIntrinsics(const BoardSpec& board, const std::vector<Obse
   for (const View& view : views) {
     const std::vector<BoardPose> poses = boardPoses(board, state.camera, view.seen->detection);
     if (poses.empty()) {
-      result.views[view.report].used = false;
-      result.views[view.report].reason = "too few corners, or all on one line";
+      ViewResidual& report = result.views[view.report];
+      report.used = false;
+      report.cause = ViewCause::kNoBoard;
+      report.reason = "too few corners, or all on one line";
       continue;
     }
     usable.push_back(view);
@@ -304,7 +371,33 @@ IntrinsicsOutcome solveIntrinsics(const BoardSpec& board, const std::vector<Obse
   Problem problem(board, options, free);
   problem.setViews(views);
   std::optional<Fit> fit = minimize(problem, state);
-  for (int round = 0; fit && round < 4; ++round) {
+  const std::vector<View> all = views;
+  const bool gated = !options.prior && options.outlier_ratio > 0;
+  const int least_views = std::max(1, options.min_views);
+  if (gated) {
+    // Where views disagree, all of them together may have dragged the camera along: ask samples too.
+    std::vector<double> rms_px(views.size(), INFINITY);
+    for (std::size_t i = 0; fit && i < views.size(); ++i) rms_px[i] = problem.viewRmsPx(fit->state, i);
+    const double worst_px = *std::max_element(rms_px.begin(), rms_px.end());
+    if (!fit || !fit->converged || worst_px > std::max(0.3, 2.5 * median(rms_px))) {
+      const auto camera_of_few = sampledCamera(board, views, options, free);
+      const Judged judged = judge(board, camera_of_few.value_or(state.camera), views);
+      if (camera_of_few && median(judged.rms_px) < median(rms_px)) {
+        // What the few parameters of a sample leave over is a pixel or so.
+        const double limit_px = std::max(1.0, 3.0 * median(judged.rms_px));
+        State next{*camera_of_few, {}};
+        views.clear();
+        for (std::size_t i = 0; i < all.size(); ++i) {
+          if (!(judged.rms_px[i] <= limit_px)) continue;
+          views.push_back(all[i]);
+          next.cMo.push_back(judged.cMo[i]);
+        }
+        problem.setViews(views);
+        fit = minimize(problem, next);
+      }
+    }
+  }
+  for (int round = 0; fit && round < 10; ++round) {
     State next = fit->state;
     bool changed = leaveWrongPoses(board, problem, views, next);
     if (options.prior) {
@@ -314,27 +407,43 @@ IntrinsicsOutcome solveIntrinsics(const BoardSpec& board, const std::vector<Obse
         problem.setNoise(std::max(noise, floor));
         changed = true;
       }
-    } else if (!changed && options.outlier_ratio > 0) {
-      std::vector<double> rms_px;
-      for (std::size_t i = 0; i < views.size(); ++i) rms_px.push_back(problem.viewRmsPx(next, i));
-      const double limit_px = std::max(1.0, options.outlier_ratio * median(rms_px));
-      std::vector<View> kept;
-      std::vector<Eigen::Isometry3d> poses;
+    } else if (!changed && gated) {
+      // Every view is judged anew each round, those that are out too: one terrible view bends the camera
+      // and hides another, or makes a good one look bad.
+      const Judged judged = judge(board, next.camera, all);
+      std::vector<double> rms_px = judged.rms_px, sharpness_px;
+      std::vector<bool> in(all.size(), false);
       for (std::size_t i = 0; i < views.size(); ++i) {
-        if (rms_px[i] <= limit_px) {
-          kept.push_back(views[i]);
-          poses.push_back(next.cMo[i]);
-        } else {
-          ViewResidual& report = result.views[views[i].report];
-          report.used = false;
-          report.rms_px = rms_px[i];
-          report.reason = "does not fit the other views (wrong board, wrong detection or blurred)";
-          changed = true;
-        }
+        const auto k = std::find_if(all.begin(), all.end(), [&](const View& view) {
+                         return view.report == views[i].report;
+                       }) - all.begin();
+        rms_px[k] = problem.viewRmsPx(next, i);
+        sharpness_px.push_back(claimedSigmaPx(views[i].seen->detection));
+        in[k] = true;
       }
-      if (static_cast<int>(kept.size()) < std::max(1, options.min_views)) return outcome;
-      views = std::move(kept);
-      next.cMo = std::move(poses);
+      const double usual_px = median(rms_px), usual_sigma_px = median(sharpness_px);
+      const double limit_px = outlierLimitPx(rms_px, options.outlier_ratio);
+      State kept{next.camera, {}};
+      std::size_t at = 0;
+      views.clear();
+      for (std::size_t i = 0; i < all.size(); ++i) {
+        const BoardDetection& detection = all[i].seen->detection;
+        const bool blurred = usual_sigma_px > 0 && claimedSigmaPx(detection) > kBlurRatio * usual_sigma_px &&
+                             rms_px[i] > 2.5 * usual_px;
+        const bool stays = rms_px[i] <= limit_px && !blurred;
+        changed = changed || stays != in[i];
+        ViewResidual& report = result.views[all[i].report];
+        report = {report.observation_id, report.name, rms_px[i], true, "", ViewCause::kNone};
+        if (stays) {
+          views.push_back(all[i]);
+          kept.cMo.push_back(in[i] ? next.cMo[at] : judged.cMo[i]);
+        } else {
+          explainImage(detection, usual_sigma_px, usual_px, rms_px[i], report);
+        }
+        if (in[i]) ++at;
+      }
+      if (static_cast<int>(views.size()) < least_views) return outcome;
+      next = std::move(kept);
       problem.setViews(views);
     }
     if (!changed) break;

@@ -7,9 +7,11 @@
 #include <string>
 
 #include "arrow.h"
+#include "board_turns.h"
 #include "corner_weight.h"
 #include "hand_eye_start.h"
 #include "servocal/calib/board_pose.h"
+#include "view_reasons.h"
 
 namespace servocal::calib {
 namespace {
@@ -21,7 +23,8 @@ struct View {
   const BoardDetection* detection = nullptr;
   Eigen::Isometry3d lMr;
   std::size_t report = 0;  // index into HandEyeSolution::views
-  bool turned = false;     // read the corner ids as those of the board turned by half a turn
+  int turn = 0;            // the corner ids are read as those of this turn of the board
+  bool flipped = false;    // the worse fitting one of the plane's two poses was chosen
 };
 
 struct State {
@@ -43,13 +46,6 @@ Eigen::Isometry3d movedAboutOrigin(const Eigen::Isometry3d& pose, const Eigen::R
   return out;
 }
 
-BoardDetection turnedByHalf(const BoardSpec& board, const BoardDetection& detection) {
-  BoardDetection out = detection;
-  for (Corner& corner : out.corners) corner.id = board.cornerCount() - 1 - corner.id;
-  std::reverse(out.corners.begin(), out.corners.end());
-  return out;
-}
-
 /// Residuals of one view.
 struct ViewCost {
   double whitened = 0.0;  // robust, the correction's prior included
@@ -59,7 +55,7 @@ struct ViewCost {
 class Problem {
  public:
   Problem(const BoardSpec& board, const CameraModel& camera, const ReprojectionOptions& options)
-      : camera_(camera), options_(options), points_o_(board.corners()) {
+      : camera_(camera), options_(options), points_o_(board.corners()), turns_(board) {
     prior_root_ << Eigen::Vector3d::Constant(1.0 / options.robot_sigma_m),
         Eigen::Vector3d::Constant(1.0 / options.robot_sigma_rad);
   }
@@ -73,6 +69,7 @@ class Problem {
     }
   }
   const std::vector<View>& views() const { return views_; }
+  const BoardTurns& turns() const { return turns_; }
   void setScale(double scale) { scale_ = scale; }
   double scale() const { return scale_; }
 
@@ -172,12 +169,13 @@ class Problem {
 
  private:
   const Eigen::Vector3d& pointOf(const View& view, const Corner& corner) const {
-    return points_o_[view.turned ? static_cast<int>(points_o_.size()) - 1 - corner.id : corner.id];
+    return points_o_[static_cast<std::size_t>(turns_.id(corner.id, view.turn))];
   }
 
   const CameraModel& camera_;
   const ReprojectionOptions& options_;
   std::vector<Eigen::Vector3d> points_o_;
+  BoardTurns turns_;
   Vector6d prior_root_;
   std::vector<View> views_;
   std::vector<std::vector<Eigen::Matrix2d>> weights_;
@@ -252,15 +250,10 @@ std::size_t countTrue(const std::vector<bool>& values) {
   return static_cast<std::size_t>(std::count(values.begin(), values.end(), true));
 }
 
-void name(ViewResidual& report, const std::string& reason) {
-  report.used = false;
-  report.reason = reason;
-}
-
 struct Solved {
   Fit fit;
   std::vector<View> used;
-  std::vector<std::pair<View, std::string>> left_out;
+  std::vector<View> left_out;
 };
 
 /// Fit, leave out what stands out, fit again.
@@ -268,7 +261,7 @@ std::optional<Solved> solveGated(Problem& problem, const std::vector<View>& view
                                  bool start_is_close) {
   Solved solved{Fit{start, ArrowSystem(12, 0), false, 0}, views, {}};
   State state = start;
-  for (int round = 0; round < 3; ++round) {
+  for (int round = 0; round < 6; ++round) {
     problem.setViews(solved.used);
     std::optional<Fit> fit = minimizeWithScale(problem, state, start_is_close || round > 0);
     if (!fit) return std::nullopt;
@@ -279,8 +272,7 @@ std::optional<Solved> solveGated(Problem& problem, const std::vector<View>& view
     std::vector<View> kept;
     for (std::size_t i = 0; i < out.size(); ++i) {
       if (out[i]) {
-        solved.left_out.emplace_back(solved.used[i], "stands out from the other views: wrong robot pose, "
-                                                     "blurred image or wrong detection");
+        solved.left_out.push_back(solved.used[i]);
       } else {
         kept.push_back(solved.used[i]);
         state.corrections.push_back(solved.fit.state.corrections[i]);
@@ -289,6 +281,34 @@ std::optional<Solved> solveGated(Problem& problem, const std::vector<View>& view
     solved.used = std::move(kept);
   }
   return solved;
+}
+
+/// Solves once more with the views that were left out, each in the one of its poses that is nearest.
+void keepAll(const BoardSpec& board, Problem& problem, const std::vector<View>& views,
+             const std::vector<CandidateView>& candidates, Solved& solved, std::vector<Eigen::Isometry3d>& seen_cMo,
+             std::vector<bool>& seen) {
+  State state{solved.fit.state.lMc, solved.fit.state.rMo, {}};
+  std::vector<View> all;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    View view = views[i];
+    const Pose<Color, Board> predicted(problem.boardPose(state, view, Vector6d::Zero()));
+    double least_m = INFINITY;
+    for (const BoardPoseCandidate& candidate : candidates[i].candidates) {
+      const double distance_m = cornerDistance(board, predicted, candidate.cMo);
+      if (distance_m >= least_m) continue;
+      least_m = distance_m;
+      view.turn = candidate.turn;
+      view.flipped = !candidate.better_fitting;
+      seen_cMo[i] = candidate.cMo.isometry();
+    }
+    seen[i] = std::isfinite(least_m);
+    // A board that would have to be behind the camera cannot be kept.
+    if (!seen[i] || !problem.viewCost(state, view, Vector6d::Zero())) continue;
+    all.push_back(view);
+    state.corrections.push_back(Vector6d::Zero());
+  }
+  problem.setViews(all);
+  if (auto fit = minimizeWithScale(problem, state, false)) solved = {*std::move(fit), std::move(all), {}};
 }
 
 /// RMS spread, about its mean, of the board pose that ought to be constant, the robot believed.
@@ -361,19 +381,18 @@ HandEyeOutcome solveHandEyeReprojection(const BoardSpec& board, const CameraMode
     std::vector<View> started;
     for (View view : views) {
       std::optional<ViewCost> cost = problem.viewCost(state, view, Vector6d::Zero());
-      if (!view.detection->orientation_known) {
+      for (int turn = 1; turn < problem.turns().count(*view.detection); ++turn) {
         View other = view;
-        other.turned = true;
+        other.turn = turn;
         const std::optional<ViewCost> other_cost = problem.viewCost(state, other, Vector6d::Zero());
         if (other_cost && (!cost || other_cost->whitened < cost->whitened)) {
           view = other;
           cost = other_cost;
         }
       }
-      const BoardDetection turned = view.turned ? turnedByHalf(board, *view.detection) : BoardDetection{};
       const Pose<Color, Board> predicted(problem.boardPose(state, view, Vector6d::Zero()));
       const std::optional<BoardPose> pose =
-          refineBoardPose(board, camera, view.turned ? turned : *view.detection, predicted);
+          refineBoardPose(board, camera, problem.turns().turned(*view.detection, view.turn), predicted);
       // Only views near the prediction; the closed form sorts out the rest.
       if (!cost || !pose || distanceM(pose->cMo, predicted) > 0.05 * predicted.translation().norm()) continue;
       seen_cMo[view.report] = pose->cMo.isometry();
@@ -393,29 +412,21 @@ HandEyeOutcome solveHandEyeReprojection(const BoardSpec& board, const CameraMode
     }
   }
 
-  if (!solved) {
-    std::vector<CandidateView> candidates;
+  std::vector<CandidateView> candidates;  // filled only where they are needed
+  const auto findCandidates = [&] {
     for (const View& view : views) {
-      CandidateView candidate{Pose<Base, EndEffector>(view.lMr), {}};
-      for (const BoardPose& pose : boardPoses(board, camera, *view.detection)) {
-        candidate.candidates.push_back({pose.cMo, false});
-      }
-      if (!view.detection->orientation_known) {
-        // Half a turn about the board's normal; its origin is the centre of the corners.
-        const auto half_turn = Pose<Board, Board>::fromRotationVector({0, 0, M_PI}, Eigen::Vector3d::Zero());
-        const std::size_t count = candidate.candidates.size();
-        for (std::size_t i = 0; i < count; ++i) {
-          candidate.candidates.push_back({candidate.candidates[i].cMo * half_turn, true});
-        }
-      }
-      candidates.push_back(std::move(candidate));
+      candidates.push_back(candidateView(board, problem.turns(), camera, *view.detection,
+                                         Pose<Base, EndEffector>(view.lMr)));
     }
+  };
+  if (!solved) {
+    findCandidates();
     HandEyeStart start = startHandEye(board, candidates, options.closed_form);
     outcome.status = start.status;
     outcome.axis_spread = start.axis_spread;
     if (start.status != HandEyeStatus::kSolved) return outcome;
 
-    std::vector<std::pair<View, std::string>> left_out;
+    std::vector<View> left_out;
     for (int round = 0; round < 2; ++round) {
       State state{start.bMc.isometry(), start.eMo.isometry(), {}};
       if (round > 0) state = {solved->fit.state.lMc, solved->fit.state.rMo, {}};
@@ -432,13 +443,13 @@ HandEyeOutcome solveHandEyeReprojection(const BoardSpec& board, const CameraMode
         View view = views[i];
         seen[i] = choice[i] >= 0;
         if (!seen[i]) {
-          left_out.emplace_back(view, candidates[i].candidates.empty()
-                                          ? "no board pose: too few corners, or all on one line"
-                                          : "contradicts the robot: wrong robot pose or wrong detection");
+          left_out.push_back(view);
           continue;
         }
-        view.turned = candidates[i].candidates[choice[i]].turned;
-        seen_cMo[i] = candidates[i].candidates[choice[i]].cMo.isometry();
+        const BoardPoseCandidate& chosen_pose = candidates[i].candidates[static_cast<std::size_t>(choice[i])];
+        view.turn = chosen_pose.turn;
+        view.flipped = !chosen_pose.better_fitting;
+        seen_cMo[i] = chosen_pose.cMo.isometry();
         chosen.push_back(view);
         state.corrections.push_back(Vector6d::Zero());
       }
@@ -452,16 +463,33 @@ HandEyeOutcome solveHandEyeReprojection(const BoardSpec& board, const CameraMode
     solved->left_out.insert(solved->left_out.end(), left_out.begin(), left_out.end());
   }
 
-  // The same board, half a turn further, if the first view would otherwise have to change its ids.
+  if (!solved->left_out.empty()) {
+    if (candidates.empty()) findCandidates();
+    std::vector<Stop> stops;
+    for (std::size_t i = 0; i < views.size(); ++i) {
+      stops.push_back({views[i].detection, views[i].lMr, candidates[i].candidates});
+    }
+    for (const View& view : solved->left_out) solution.views[view.report].used = false;
+    explainLeftOut(board, options.mount, solved->fit.state.lMc, solved->fit.state.rMo,
+                   std::max(options.robot_sigma_m, 1e-3), stops, solution.views);
+    if (options.keep_outliers) keepAll(board, problem, views, candidates, *solved, seen_cMo, seen);
+  }
+
+  // The same board, turned as the first view has it, if that would otherwise have to change its ids.
   const State& state = solved->fit.state;
   const bool any_known = std::any_of(solved->used.begin(), solved->used.end(), [](const View& view) {
     return view.detection->orientation_known;
   });
-  const bool turn_board = !any_known && solved->used.front().turned;
-  Eigen::Isometry3d half_turn = Eigen::Isometry3d::Identity();
-  if (turn_board) half_turn.linear() = Eigen::Vector3d(-1, -1, 1).asDiagonal();
+  const int first_turn = any_known ? 0 : solved->used.front().turn;
+  const Eigen::Isometry3d first_rotation = problem.turns().rotation(first_turn).isometry();
   solution.camera_pose = state.lMc;
-  solution.board_pose = state.rMo * half_turn;
+  solution.board_pose = state.rMo * first_rotation;
+  for (const View& view : solved->used) {
+    const bool open = problem.turns().count(*view.detection) > 1;
+    solution.symmetric_views += open ? 1 : 0;
+    solution.resolved_turns += open && problem.turns().between(first_turn, view.turn) != 0 ? 1 : 0;
+    solution.resolved_flips += view.flipped ? 1 : 0;
+  }
 
   const Eigen::MatrixXd covariance = scaledInverse(reducedMatrix(solved->fit.system));
   const Eigen::VectorXd sigma = covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
@@ -481,11 +509,10 @@ HandEyeOutcome solveHandEyeReprojection(const BoardSpec& board, const CameraMode
     squares_m2 += correction.head<3>().squaredNorm();
     squares_rad2 += correction.tail<3>().squaredNorm();
     if (seen[view.report]) {
-      seen_rMo.push_back(view.lMr.inverse() * state.lMc * seen_cMo[view.report] * half_turn);
+      seen_rMo.push_back(view.lMr.inverse() * state.lMc * seen_cMo[view.report] * first_rotation);
     }
   }
-  for (const auto& [view, reason] : solved->left_out) {
-    name(solution.views[view.report], reason);
+  for (const View& view : solved->left_out) {
     const std::optional<ViewCost> cost = problem.viewCost(state, view, Vector6d::Zero());
     if (cost) solution.views[view.report].rms_px = cost->rms_px;
   }

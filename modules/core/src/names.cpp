@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "servocal/core/observation.h"
+#include "servocal/core/result.h"
 
 namespace servocal {
 
@@ -20,6 +21,18 @@ const char* toString(DriveStatus status) {
     case DriveStatus::kUnreachable: return "unreachable";
     case DriveStatus::kLimit: return "limit";
     case DriveStatus::kStopped: return "stopped";
+  }
+  return "unknown";
+}
+
+const char* toString(ViewCause cause) {
+  switch (cause) {
+    case ViewCause::kNone: return "none";
+    case ViewCause::kNoBoard: return "no_board";
+    case ViewCause::kCorners: return "corners";
+    case ViewCause::kBlurred: return "blurred";
+    case ViewCause::kRobotPose: return "robot_pose";
+    case ViewCause::kPoseFlip: return "pose_flip";
   }
   return "unknown";
 }

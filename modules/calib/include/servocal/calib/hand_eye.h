@@ -17,6 +17,7 @@ struct HandEyeView {
 struct HandEyeOptions {
   double min_rotation_rad = 0.05;  ///< View pairs that rotate less than this are not used.
   double min_axis_spread = 0.05;   ///< Below this HandEyeResult::axis_spread we refuse to answer.
+  bool free_scale = false;         ///< Solve for the size of the board too, see HandEyeResult::scale.
 };
 
 enum class HandEyeStatus { kSolved, kTooFewViews, kRotationAxesParallel, kInconsistent };
@@ -29,6 +30,8 @@ struct HandEyeResult {
   double axis_spread = 0.0;  ///< 0: one rotation axis, or no motion. 1: two axes equally.
   std::optional<Pose<Base, Color>> bMc;         ///< This and all below: present only if kSolved.
   std::optional<Pose<EndEffector, Board>> eMo;  ///< Where the board sits on the flange.
+  double scale = 1.0;  ///< If free: lengths by the robot over lengths by the board, that is, true over stated
+                       ///< size of the board's squares. bMc and eMo are in the robot's lengths.
   double rms_translation_m = 0.0;  ///< Scatter over views. Fit, not accuracy: a few similar views
   double rms_rotation_rad = 0.0;   ///< fit perfectly and are still wrong.
 };

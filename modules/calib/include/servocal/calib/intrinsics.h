@@ -40,7 +40,8 @@ struct IntrinsicsOptions {
                                    ///< above it the answer is refused.
   double max_focal_sigma = 0.1;    ///< Standard deviation of fx over fx; above it the answer is refused.
   double outlier_ratio = 5.0;      ///< A view whose RMS is more than this many times the median (and more
-                                   ///< than 1 px) is left out and named. 0: all views are kept.
+                                   ///< than 0.3 px and the spread of the views) is left out and named. 0: all
+                                   ///< views are kept.
 };
 
 enum class IntrinsicsStatus { kSolved, kTooFewViews, kViewsParallel, kNotConverged };
@@ -59,6 +60,12 @@ struct IntrinsicsOutcome {
 /// freedom for N corners and p parameters, those of the board poses included). Refuses views that are
 /// all parallel, which leave the focal length undetermined. A distortion term the data hardly determine
 /// is no reason to refuse; its standard deviation says so.
+///
+/// Views that do not fit the others are left out and named, with the cause (ViewResidual): without a prior,
+/// up to a third of the views may be wrong in any way. Where views disagree the camera is first sought by
+/// samples of views (least median of squares; Rousseeuw, JASA 79, 1984), and every view is judged anew in
+/// each round. A view is blurred if its claimed corner sigma is three times the others' and its residual
+/// 2.5 times.
 ///
 /// Uses the views of one camera and stream, all of one image size; IntrinsicsResult::views keeps their
 /// order. The answer does not depend on it.

@@ -13,13 +13,25 @@
 
 namespace servocal {
 
+/// Why a view is not part of a solution.
+enum class ViewCause {
+  kNone,      ///< It is part of it.
+  kNoBoard,   ///< No board was found, or too little of it.
+  kCorners,   ///< Its corners are not those of this board in this camera: wrong board, wrong detection.
+  kBlurred,   ///< Its corners are far less sharp than those of the other views, and fit worse.
+  kRobotPose, ///< Its robot pose contradicts the image.
+  kPoseFlip,  ///< Its robot pose goes with the mirrored one of the two poses that a plane has.
+};
+const char* toString(ViewCause cause);  ///< "none", "no_board", "corners", "blurred", "robot_pose", "pose_flip"
+
 /// How one view fits the solution.
 struct ViewResidual {
   std::int64_t observation_id = 0;
   std::string name;        ///< Image file or stage.
   double rms_px = 0.0;     ///< Over the view's corners, length of the 2-vector.
   bool used = true;
-  std::string reason;      ///< Why it was not used; empty if it was.
+  std::string reason;      ///< Why it was not used, a sentence; empty if it was.
+  ViewCause cause = ViewCause::kNone;  ///< The same in a word.
 };
 
 /// Intrinsics by Zhang's method: from images alone, the robot is not asked.
@@ -45,7 +57,19 @@ struct HandEyeSolution {
   double robot_rms_rad = 0.0;
   double scatter_m = 0.0;          ///< RMS spread of the board pose that ought to be constant, robot
   double scatter_rad = 0.0;        ///< believed.
+  int symmetric_views = 0;  ///< Used views whose image does not tell the board's turn about its normal; the
+                            ///< robot's motion did. If it is all of them, one turn common to all, and with
+                            ///< it that of board_pose, stays undetermined.
+  int resolved_turns = 0;   ///< Of those, views whose corner numbers had to be turned to go with the rest.
+  int resolved_flips = 0;   ///< Used views where the robot decided against the better fitting one of the two
+                            ///< poses that a plane has.
   std::vector<ViewResidual> views;
+};
+
+/// Size of the board's pattern by the robot's motion.
+struct BoardScale {
+  double scale = 1.0;       ///< True size over stated size, as far as the robot's lengths are true.
+  double sigma = 0.0;       ///< Standard deviation.
 };
 
 struct TiltLimit {
@@ -70,6 +94,10 @@ struct CameraResult {
   std::string camera;
   IntrinsicsResult intrinsics;
   std::optional<HandEyeSolution> hand_eye;
+  std::optional<IntrinsicsResult> intrinsics_with_outliers;  ///< Present only if views were left out: the
+  std::optional<HandEyeSolution> hand_eye_with_outliers;     ///< same solved with them, for comparison.
+  std::optional<BoardScale> board_scale;  ///< Present if there are robot poses that determine it.
+  std::vector<std::string> notes;         ///< What else a person should know, a sentence each.
   std::optional<CoverageSummary> coverage;
   std::vector<TiltLimit> tilt_limits;
 };
