@@ -157,6 +157,9 @@ class Problem {
     return cost;
   }
 
+  /// A correction in standard deviations of the robot.
+  Vector6d whitened(const Vector6d& correction) const { return prior_root_.cwiseProduct(correction); }
+
   /// cMo of a view with its stop corrected.
   Eigen::Isometry3d boardPose(const State& state, const View& view, const Vector6d& correction) const {
     Eigen::Isometry3d flange = Eigen::Isometry3d::Identity();
@@ -235,13 +238,19 @@ std::vector<bool> outliers(const Problem& problem, const State& state) {
   std::vector<double> deviations;
   for (double scale : scales) deviations.push_back(std::abs(scale - middle));
   const double spread = 1.4826 * median(deviations);
+  // What a robot pose lacks shows in its correction, however many corners dilute it in the view's sum: six
+  // numbers of unit variance, or of what this robot usually needs.
+  std::vector<double> corrections;
+  for (const Vector6d& correction : state.corrections) corrections.push_back(problem.whitened(correction).norm());
+  const double correction_limit = std::max(8.0, 4.0 * median(corrections));
   // Six standard deviations of the views as they scatter; at least what chance does to a chi-square of
   // this many degrees, and at least twice the typical view: model error makes views unequal.
   const double limit = std::max(2.0 * middle, middle + 6.0 * spread);
   std::vector<bool> out;
   for (std::size_t i = 0; i < scales.size(); ++i) {
     const double degrees = 2.0 * problem.views()[i].detection->corners.size();
-    out.push_back(scales[i] > std::max(limit, middle * (1.0 + 4.0 / std::sqrt(degrees))));
+    out.push_back(scales[i] > std::max(limit, middle * (1.0 + 4.0 / std::sqrt(degrees))) ||
+                  corrections[i] > correction_limit);
   }
   return out;
 }
