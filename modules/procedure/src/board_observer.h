@@ -26,6 +26,9 @@ class BoardObserver final : public servo::Observer {
   servo::Look look(Instant deadline) override;
   /// The next frame with its detection; nothing if no frame came until `deadline`.
   std::optional<SeenFrame> see(Instant deadline);
+  /// True if a detection can steer the arm and be an observation: its orientation is known, and of a board
+  /// that may be seen in part, at least half is.
+  bool isUsable(const BoardDetection& detection) const;
   /// Board pose of a detection in the current camera model; the planar solution that fits better, or of
   /// two that fit alike the one nearer to the last pose.
   std::optional<Pose<Color, Board>> poseOf(const BoardDetection& detection);
