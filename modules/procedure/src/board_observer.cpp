@@ -21,7 +21,7 @@ servo::Look BoardObserver::look(Instant deadline) {
   if (!seen) return look;
   look.frame = seen->frame.stamp;
   if (!seen->detection || !isUsable(*seen->detection)) return look;
-  const auto cMo = poseOf(*seen->detection);
+  const auto cMo = poseOf(*seen->detection, seen->frame.stamp);
   if (!cMo) return look;
   servo::Sight sight;
   sight.stamp = seen->frame.stamp;
@@ -56,16 +56,17 @@ bool BoardObserver::isUsable(const BoardDetection& detection) const {
   return detection.orientation_known && 2 * static_cast<int>(detection.corners.size()) >= board_.cornerCount();
 }
 
-std::optional<Pose<Color, Board>> BoardObserver::poseOf(const BoardDetection& detection) {
+std::optional<Pose<Color, Board>> BoardObserver::poseOf(const BoardDetection& detection, Instant stamp) {
   const auto poses = calib::boardPoses(board_, model_, detection);
   if (poses.empty()) return std::nullopt;
   std::size_t best = 0;
-  if (poses.size() > 1 && last_pose_ && poses[0].rms_px > kClearlyBetter * poses[1].rms_px &&
-      angleRad(poses[1].cMo, *last_pose_) < angleRad(poses[0].cMo, *last_pose_)) {
-    best = 1;
+  if (poses.size() > 1 && poses[0].rms_px > kClearlyBetter * poses[1].rms_px) {
+    const auto expected = predict_ ? predict_(stamp) : std::nullopt;
+    const auto& near = expected ? expected : last_pose_;
+    if (near && angleRad(poses[1].cMo, *near) < angleRad(poses[0].cMo, *near)) best = 1;
   }
   last_pose_ = poses[best].cMo;
-  return poses[best].cMo;
+  return last_pose_;
 }
 
 }  // namespace servocal::procedure

@@ -51,7 +51,12 @@ BoardDetection average(const std::vector<BoardDetection>& detections) {
 
 Run::Run(const CellConfig& cell, const Devices& devices, session::Session& session, const EventSink& on_event)
     : cell_(cell), devices_(devices), session_(session), on_event_(on_event),
-      observer_(cell.board, *devices.cameras.front(), nominalModel(cell.cameras.front())) {}
+      observer_(cell.board, *devices.cameras.front(), nominalModel(cell.cameras.front())) {
+  observer_.setPrediction([this](Instant stamp) -> std::optional<Pose<Color, Board>> {
+    if (!hand_eye_) return std::nullopt;
+    return bMc().inverse() * guard().stateAt(stamp).bMe * eMo();
+  });
+}
 
 std::optional<Observation> Run::observe(const std::string& stage) {
   throwIfStopped();
