@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "error_function.h"
 #include "warp.h"
 
 namespace servocal::board {
@@ -18,6 +19,7 @@ using Eigen::Vector2d;
 constexpr double kMaxLength = 40.0;   // px of a side per line; longer, and a lens' curvature shows.
 constexpr double kMinStep = 12.0;     // Gray levels between black and white.
 constexpr double kMinBlur = 0.45, kMaxBlur = 8.0;  // px
+constexpr double kClear = 2.3;        // Of blur: nearer than this, the cells of the code show through.
 constexpr double kFloorPx = 0.01;     // Below this, print and lens decide, not noise.
 
 /// A line measured along a piece of a side. Its distance from the guess, towards the inside of the tag, is
@@ -103,8 +105,10 @@ void collect(const cv::Mat& gray, const Vector2d& middle, const Vector2d& along,
   }
 }
 
-/// Fits the line near a to b. `cell`: width of a cell across it, px; `blur`: a first guess, px.
-std::optional<Line> fitLine(const cv::Mat& gray, Vector2d a, Vector2d b, double cell, double blur, double max_shift) {
+/// Fits the line near a to b. `border`: width of the black border, px; `blur`: a first guess, px.
+std::optional<Line> fitLine(const cv::Mat& gray, const Vector2d& a, const Vector2d& b, double border, double blur,
+                            double max_shift) {
+  static const ErrorFunction error_function;
   thread_local std::vector<Sample> samples;
   Line line;
   const double half = 0.5 * (b - a).norm();
@@ -118,7 +122,7 @@ std::optional<Line> fitLine(const cv::Mat& gray, Vector2d a, Vector2d b, double 
   using Normal = Eigen::Matrix<double, 5, 5>;
   for (int pass = 0; pass < 3; ++pass) {
     line.inwards = Vector2d(-line.along.y(), line.along.x());
-    const double band = std::max(1.3, std::min(3.0 * blur + 0.7, cell - 1.5 * blur));
+    const double band = std::max(1.3, std::min(3.0 * blur + 0.7, border - kClear * blur));
     collect(gray, line.middle, line.along, line.inwards, half, band, samples);
     if (samples.size() < 12) return std::nullopt;
 
@@ -140,8 +144,8 @@ std::optional<Line> fitLine(const cv::Mat& gray, Vector2d a, Vector2d b, double 
       double squares = 0.0;
       for (const Sample& sample : samples) {
         const double t = (sample.d - offset - slope * sample.u) / blur;
-        const double value = std::erf(t * M_SQRT1_2);
-        const double bell = std::sqrt(2.0 / M_PI) * std::exp(-0.5 * t * t);
+        double value, bell;
+        error_function.at(t, value, bell);
         const double error = sample.gray - (level - step * value);
         squares += error * error;
         const double by_offset = step * bell / blur;
@@ -190,7 +194,8 @@ double varianceAt(const Line& line, const Vector2d& p) {
 
 }  // namespace
 
-std::optional<TagFit> fitTag(const cv::Mat& gray, const TagCorners& guess, int cells_across, double search_px) {
+std::optional<TagFit> fitTag(const cv::Mat& gray, const TagCorners& guess, int cells_across, int border_cells,
+                             double search_px) {
   TagFit fit;
   std::array<Line, 4> before, after;  // The lines that end at a corner, and those that start there.
   double blur = 1.0;
@@ -210,7 +215,7 @@ std::optional<TagFit> fitTag(const cv::Mat& gray, const TagCorners& guess, int c
     const double trim = std::min(std::max(2.2 * blur + 0.5, 0.06 * length), 0.25 * length);
     const double max_shift = std::max(1.0, 0.7 * cell);
     const auto piece = [&](double from, double to) {
-      return fitLine(gray, a + from * along, a + to * along, cell, blur, max_shift);
+      return fitLine(gray, a + from * along, a + to * along, border_cells * cell, blur, max_shift);
     };
     if (length - 2 * trim <= 1.3 * kMaxLength) {
       const auto line = piece(trim, length - trim);

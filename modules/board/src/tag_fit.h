@@ -21,9 +21,10 @@ struct TagFit {
 /// the pixels near the side but not near its ends (where another corner may touch: Kalibr's boards have
 /// a square there). Long sides are fitted near each of their corners, where a lens bends them less.
 ///
-/// `guess` may be off by `search_px` (at most a cell). `cells_across`: cells along a side. Nothing if a
-/// side is not there.
-std::optional<TagFit> fitTag(const cv::Mat& gray, const TagCorners& guess, int cells_across, double search_px);
+/// `guess` may be off by `search_px` (at most a cell). `cells_across`: cells along a side, of which the
+/// black border takes `border_cells` at either end. Nothing if a side is not there.
+std::optional<TagFit> fitTag(const cv::Mat& gray, const TagCorners& guess, int cells_across, int border_cells,
+                             double search_px);
 
 /// How many cells of a code differ from what is seen between these corners.
 int wrongCells(const cv::Mat& gray, const TagFit& tag, int cells_across, const std::vector<TagCell>& cells);

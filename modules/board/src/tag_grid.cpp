@@ -109,7 +109,7 @@ class TagGridFinder final : public Finder {
     std::vector<PlacedTag> tags;
     for (const auto& [place, found] : seen) {
       if (found.size() > 1) continue;  // One of them is not ours; nobody knows which.
-      const auto fit = fitTag(gray, found.front().corners, reader_->cellsAcross(), 0.0);
+      const auto fit = fitTag(gray, found.front().corners, reader_->cellsAcross(), grid_.border_bits, 0.0);
       if (fit) tags.push_back({place, on_board_[place], *fit});
     }
     tags = agreeingTags(tags, tags_ > 1);
@@ -133,7 +133,8 @@ class TagGridFinder final : public Finder {
         const TagCorners guess = predictTag(tags, on_board_[place], 4);
         if (!isInside(gray, guess)) continue;
         const double cell = shortestSide(guess) / reader_->cellsAcross();
-        const auto fit = fitTag(gray, guess, reader_->cellsAcross(), std::max(1.0, grid_.border_bits * 0.8 * cell));
+        const auto fit = fitTag(gray, guess, reader_->cellsAcross(), grid_.border_bits,
+                                std::max(1.0, grid_.border_bits * 0.8 * cell));
         if (!fit || wrongCells(gray, *fit, reader_->cellsAcross(), cells_[place]) > 1) continue;
         tags.push_back({place, on_board_[place], *fit});
       }
