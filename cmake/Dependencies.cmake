@@ -2,13 +2,16 @@
 find_package(PkgConfig REQUIRED)
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)
 find_package(yaml-cpp REQUIRED)
-find_package(OpenCV 4.6 REQUIRED COMPONENTS core imgproc imgcodecs calib3d)
+find_package(OpenCV 4.6 REQUIRED COMPONENTS core imgproc imgcodecs calib3d aruco)
 find_package(Ceres 2.1 REQUIRED)
 find_package(SQLite3 REQUIRED)
 find_package(nlohmann_json REQUIRED)
 find_package(CLI11 REQUIRED)
+find_package(apriltag 3.3 REQUIRED)
 find_package(urdfdom REQUIRED)
 find_package(orocos_kdl REQUIRED)
+find_package(fcl 0.7 REQUIRED)
+find_package(ompl 1.5 REQUIRED)
 pkg_check_modules(cairo REQUIRED IMPORTED_TARGET cairo cairo-pdf)
 
 # VISP's package file appends to CMAKE_CXX_FLAGS and carries no include directories in its targets.
@@ -19,6 +22,12 @@ set(CMAKE_CXX_STANDARD 17)
 add_library(servocal_visp INTERFACE)
 target_include_directories(servocal_visp SYSTEM INTERFACE ${VISP_INCLUDE_DIRS})
 target_link_libraries(servocal_visp INTERFACE visp_core visp_vs visp_visual_features)
+
+# OMPL's package file sets variables only, and lists boost libraries that the planners do not need.
+list(GET OMPL_LIBRARIES 0 servocal_ompl_library)
+add_library(servocal_ompl INTERFACE)
+target_include_directories(servocal_ompl SYSTEM INTERFACE ${OMPL_INCLUDE_DIRS})
+target_link_libraries(servocal_ompl INTERFACE ${servocal_ompl_library})
 
 add_library(servocal_kdl INTERFACE)
 target_include_directories(servocal_kdl SYSTEM INTERFACE ${orocos_kdl_INCLUDE_DIRS})

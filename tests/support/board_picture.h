@@ -54,10 +54,8 @@ inline double uniform(std::mt19937& random, double low, double high) {
   return std::uniform_real_distribution<double>(low, high)(random);
 }
 
-/// Reflectance (0 black, 1 white) of the printed board at a point in squares from its upper left, or -1
-/// outside the plate, whose rim is `margin` squares wide.
-inline double reflectance(const Checkerboard& board, double margin, double x, double y) {
-  if (x < -margin || y < -margin || x > board.squares_x + margin || y > board.squares_y + margin) return -1;
+/// Reflectance (0 black, 1 white) of the printed board at a point in squares from its upper left.
+inline double reflectance(const Checkerboard& board, double x, double y) {
   if (x < 0 || y < 0 || x >= board.squares_x || y >= board.squares_y) return 1;
   const int column = static_cast<int>(x), row = static_cast<int>(y);
   if ((column + row) % 2 == 1) return 1;
@@ -106,6 +104,13 @@ inline cv::Mat clutter(const cv::Size& size, std::mt19937& random) {
 
 }  // namespace picture
 
+/// What PictureOptions::square_px is the size of, m: a square, a tag, the distance of two circles.
+inline double unitOf(const BoardSpec& board) {
+  if (const auto* tags = board.as<TagGrid>()) return tags->tag_size_m;
+  if (const auto* circles = board.as<CircleGrid>()) return circles->spacing_m;
+  return board.spacing();
+}
+
 /// Where points of the board plane are seen.
 struct View {
   View(const BoardSpec& board, const PictureOptions& options)
@@ -120,7 +125,7 @@ struct View {
     rotation = (Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), sight) *
                 Eigen::AngleAxisd(options.tilt_rad, axis) * Eigen::AngleAxisd(options.roll_rad, Vector3d::UnitZ()))
                    .toRotationMatrix();
-    position = sight * (focal * board.spacing() / options.square_px);
+    position = sight * (focal * unitOf(board) / options.square_px);
   }
 
   /// Pixel of a point (m) of the board plane, in the board frame.
@@ -143,10 +148,12 @@ inline std::vector<Eigen::Vector2d> projectOutline(const BoardSpec& board, const
   return outline;
 }
 
-/// Renders a board by casting 32 rays per pixel (a Hammersley set: 32 different columns and rows, so that
+/// Renders a plate by casting 32 rays per pixel (a Hammersley set: 32 different columns and rows, so that
 /// even an edge along the pixels is placed to 1/64 px), then blur, light and noise. Shares no code with the
-/// library beyond BoardSpec.
-inline Picture renderPicture(const BoardSpec& board, const PictureOptions& options) {
+/// library beyond BoardSpec. `paint(x, y)`: reflectance (0 black, 1 white) at a point of the plate, from the
+/// pattern's upper left, in the board's unit (see unitOf).
+template <typename Paint>
+Picture renderPainted(const BoardSpec& board, const PictureOptions& options, const Paint& paint) {
   using Eigen::Vector2d;
   using Eigen::Vector3d;
   std::mt19937 random(options.seed);
@@ -157,8 +164,9 @@ inline Picture renderPicture(const BoardSpec& board, const PictureOptions& optio
 
   const View view(board, options);
   const double cx = view.cx, cy = view.cy, mirror = view.mirror;
-  const Checkerboard& squares = *board.as<Checkerboard>();
-  const double square = squares.square_size_m;
+  const double unit = unitOf(board);
+  const Vector2d origin = board.patternOutline().front().head<2>() / unit;
+  const Vector2d plate = -board.outline().front().head<2>() / unit;  // Half of it.
 
   Picture result;
   for (const Vector3d& corner : board.corners()) result.corners.push_back(view.project(corner.x(), corner.y()));
@@ -174,7 +182,7 @@ inline Picture renderPicture(const BoardSpec& board, const PictureOptions& optio
     const int x1 = std::clamp(static_cast<int>(high.x()) + 4, 0, options.width_px);
     const int y0 = std::clamp(static_cast<int>(low.y()) - 3, 0, options.height_px);
     const int y1 = std::clamp(static_cast<int>(high.y()) + 4, 0, options.height_px);
-    const Vector2d highlight = view.project(0.2 * squares.squares_x * square, -0.1 * square);
+    const Vector2d highlight = view.project(-0.4 * origin.x() * unit, -0.1 * unit);
     // From normalized image coordinates to the board plane.
     Eigen::Matrix3d to_image;
     to_image.col(0) = view.rotation.col(0);
@@ -198,11 +206,11 @@ inline Picture renderPicture(const BoardSpec& board, const PictureOptions& optio
           if (options.k1 != 0)
             for (int iteration = 0; iteration < 5; ++iteration) n = d / (1 + options.k1 * n.squaredNorm());
           const Vector3d h = to_board * n.homogeneous();
-          const double bx = mirror * h.x() / h.z() / square + 0.5 * squares.squares_x;
-          const double by = h.y() / h.z() / square + 0.5 * squares.squares_y;
+          const double px = mirror * h.x() / h.z() / unit, py = h.y() / h.z() / unit;
+          const double bx = px - origin.x(), by = py - origin.y();
           double gray = row[x];
-          const double r = h.z() > 0 ? picture::reflectance(squares, board.margin_m / square, bx, by) : -1;
-          if (r >= 0) gray = options.black + (options.white - options.black) * r;
+          if (h.z() > 0 && std::abs(px) <= plate.x() && std::abs(py) <= plate.y())
+            gray = options.black + (options.white - options.black) * paint(bx, by);
           for (const auto& cover : options.covers)
             if (bx > cover.x0 && bx < cover.x1 && by > cover.y0 && by < cover.y1) gray = cover.gray;
           sum += gray;
@@ -241,6 +249,12 @@ inline Picture renderPicture(const BoardSpec& board, const PictureOptions& optio
     }
   }
   return result;
+}
+
+/// A checkerboard.
+inline Picture renderPicture(const BoardSpec& board, const PictureOptions& options) {
+  const Checkerboard& squares = *board.as<Checkerboard>();
+  return renderPainted(board, options, [&](double x, double y) { return picture::reflectance(squares, x, y); });
 }
 
 }  // namespace servocal::test

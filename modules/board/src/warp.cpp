@@ -8,11 +8,9 @@
 #include <stdexcept>
 
 namespace servocal::board {
-namespace {
-
 using Eigen::Vector2d;
 
-// Homography by linear least squares, reweighted so that the residual becomes the one in pixels.
+// Linear least squares, reweighted so that the residual becomes the one in pixels.
 Eigen::Matrix3d fitHomography(const std::vector<Vector2d>& from, const std::vector<Vector2d>& to) {
   Vector2d mean = Vector2d::Zero();
   for (const Vector2d& p : to) mean += p;
@@ -47,8 +45,6 @@ Eigen::Matrix3d fitHomography(const std::vector<Vector2d>& from, const std::vect
   denormalize << spread, 0, mean.x(), 0, spread, mean.y(), 0, 0, 1;
   return denormalize * homography;
 }
-
-}  // namespace
 
 Warp::Warp(int columns, int rows, const std::vector<Vector2d>& grid, const std::vector<Vector2d>& pixels) {
   if (grid.size() < 4 || grid.size() != pixels.size()) throw std::invalid_argument("Warp: needs 4 points");

@@ -6,6 +6,10 @@
 
 namespace servocal::board {
 
+/// Homography that takes `from` to `to` (at least four points), by least squares in `to`'s units. `from` should
+/// be of the order of one.
+Eigen::Matrix3d fitHomography(const std::vector<Eigen::Vector2d>& from, const std::vector<Eigen::Vector2d>& to);
+
 /// Smooth map from grid coordinates (u along rows, v along columns, in squares) to pixels: a homography
 /// for the plane's perspective and a low-order polynomial for what a lens adds to it.
 class Warp {

@@ -24,10 +24,34 @@ void apply(const SolveOverrides& overrides, calib::IntrinsicsOptions& options) {
   }
 }
 
-}  // namespace
+struct OtherBoard {
+  std::string what;
+  BoardSpec board;
+};
 
-std::vector<Observation> detectImages(const session::ImageSet& images) {
-  board::Detector detector(images.board);
+/// The mistakes people make in describing a board: rows for columns, inner corners for squares.
+std::vector<OtherBoard> likelyMeant(const BoardSpec& board) {
+  std::vector<OtherBoard> others;
+  BoardSpec swapped = board;
+  if (auto* checkerboard = std::get_if<Checkerboard>(&swapped.pattern)) {
+    BoardSpec larger = board;
+    ++std::get<Checkerboard>(larger.pattern).squares_x;
+    ++std::get<Checkerboard>(larger.pattern).squares_y;
+    others.push_back({"its inner corners were counted instead of its squares", larger});
+    std::swap(checkerboard->squares_x, checkerboard->squares_y);
+  } else if (auto* tags = std::get_if<TagGrid>(&swapped.pattern)) {
+    std::swap(tags->tags_x, tags->tags_y);
+  } else if (auto* charuco = std::get_if<Charuco>(&swapped.pattern)) {
+    std::swap(charuco->squares_x, charuco->squares_y);
+  } else if (auto* circles = std::get_if<CircleGrid>(&swapped.pattern)) {
+    std::swap(circles->circles_x, circles->circles_y);
+  }
+  others.insert(others.begin(), {"its rows and columns are swapped", swapped});
+  return others;
+}
+
+std::vector<Observation> detectBoard(const BoardSpec& board, const session::ImageSet& images) {
+  board::Detector detector(board);
   std::vector<Observation> observations;
   for (const session::PosedImage& image : images.images) {
     Observation observation;
@@ -53,6 +77,41 @@ std::vector<Observation> detectImages(const session::ImageSet& images) {
   return observations;
 }
 
+std::size_t boardsFound(const std::vector<Observation>& observations) {
+  return static_cast<std::size_t>(std::count_if(observations.begin(), observations.end(), [](const Observation& o) {
+    return !o.views.empty();
+  }));
+}
+
+/// For a set that could not be solved: if a board that is easily confused with the stated one is in at least
+/// half of the images, and solves them, the statement is the mistake.
+/// @throws Error (kBadData) that says which.
+void refuseMisdescribedBoard(const session::ImageSet& images, const std::vector<Observation>& observations) {
+  for (const OtherBoard& other : likelyMeant(images.board)) {
+    std::vector<Observation> seen;
+    try {
+      seen = detectBoard(other.board, images);
+    } catch (const std::invalid_argument&) {
+      continue;  // Not a board that can be detected.
+    }
+    const std::size_t found = boardsFound(seen);
+    if (2 * found < images.images.size() || found < boardsFound(observations)) continue;
+    calib::IntrinsicsOptions options;
+    options.lens = images.lens;
+    const auto outcome = calib::solveIntrinsics(other.board, seen, images.camera, Stream::kColor, options);
+    const bool solvable = found < 3 || outcome.result;
+    if (!solvable) continue;
+    throw Error(ErrorKind::kBadData,
+                "the board is described as " + images.board.describe() + " and seen so in " +
+                    std::to_string(boardsFound(observations)) + " of " + std::to_string(images.images.size()) +
+                    " images, as " + other.board.describe() + " in " + std::to_string(found) + ": " + other.what);
+  }
+}
+
+}  // namespace
+
+std::vector<Observation> detectImages(const session::ImageSet& images) { return detectBoard(images.board, images); }
+
 CalibrationResult solveImages(const session::ImageSet& images, const SolveOverrides& overrides) {
   SolveOptions options;
   options.intrinsics.lens = images.lens;
@@ -62,7 +121,15 @@ CalibrationResult solveImages(const session::ImageSet& images, const SolveOverri
   options.robot_sigma_m = images.robot_accuracy_m;
   options.robot_sigma_rad = images.robot_accuracy_rad;
   options.given_intrinsics = images.given_intrinsics;
-  return solve(images.board, detectImages(images), options);
+  options.refuse_contradictions = true;
+  if (!images.poses_from.empty()) options.poses_from = "'" + images.poses_from + "'";
+  for (const session::PoseReading& reading : images.other_readings) {
+    options.readings.push_back({reading.what, {reading.bMe.begin(), reading.bMe.end()}});
+  }
+  const std::vector<Observation> observations = detectImages(images);
+  CalibrationResult result = solve(images.board, observations, options);
+  if (result.cameras.empty()) refuseMisdescribedBoard(images, observations);
+  return result;
 }
 
 CalibrationResult solveRecorded(const session::Session& recorded, const SolveOverrides& overrides) {
@@ -74,6 +141,8 @@ CalibrationResult solveRecorded(const session::Session& recorded, const SolveOve
   const CellConfig cell = parseCell(recorded.cellText(), "cell file in " + name);
   SolveOptions options;
   apply(overrides, options.intrinsics);
+  options.refuse_contradictions = true;
+  options.poses_from = "the robot poses of " + name;
   options.mount = cell.cameras.front().mount;
   for (const CameraConfig& camera : cell.cameras) {
     if (camera.mount != options.mount) {

@@ -2,10 +2,12 @@
 #include "servocal/procedure/solve.h"
 
 #include <algorithm>
+#include <cmath>
 #include <set>
 #include <string>
 
 #include "servocal/calib/reprojection.h"
+#include "servocal/core/error.h"
 
 namespace servocal::procedure {
 
@@ -16,47 +18,150 @@ void listUnseen(const std::vector<Observation>& observations, std::vector<ViewRe
   for (const Observation& observation : observations) {
     if (!observation.views.empty()) continue;
     views.push_back({observation.id, observation.stage, 0.0, false,
-                     observation.robot ? "no board found; its robot pose is left out too" : "no board found"});
+                     observation.robot ? "no board found; its robot pose is left out too" : "no board found",
+                     ViewCause::kNoBoard});
   }
   std::stable_sort(views.begin(), views.end(), [](const ViewResidual& a, const ViewResidual& b) {
     return a.observation_id < b.observation_id;
   });
 }
 
-std::optional<IntrinsicsResult> solveIntrinsics(const BoardSpec& board, const std::vector<Observation>& observations,
-                                                const std::string& camera, const SolveOptions& options,
-                                                std::vector<std::string>& missing) {
-  if (options.given_intrinsics) {
-    IntrinsicsResult given;  // No standard deviations: nothing was estimated.
-    given.camera = *options.given_intrinsics;
-    return given;
-  }
-  calib::IntrinsicsOutcome outcome =
-      calib::solveIntrinsics(board, observations, camera, Stream::kColor, options.intrinsics);
-  if (!outcome.result) {
-    missing.push_back("intrinsics of " + camera + ": " + calib::toString(outcome.status));
-  } else {
-    listUnseen(observations, outcome.result->views);
-  }
-  return outcome.result;
+/// Views left out for another reason than that there is no board in them.
+bool hasOutliers(const std::vector<ViewResidual>& views) {
+  return std::any_of(views.begin(), views.end(), [](const ViewResidual& view) {
+    return !view.used && view.cause != ViewCause::kNoBoard;
+  });
 }
 
-std::optional<HandEyeSolution> solveHandEye(const BoardSpec& board, const CameraModel& model,
-                                            const std::vector<Observation>& observations, const std::string& camera,
-                                            const SolveOptions& options, std::vector<std::string>& missing) {
-  calib::ReprojectionOptions reprojection;
-  reprojection.mount = options.mount;
-  reprojection.robot_sigma_m = options.robot_sigma_m;
-  reprojection.robot_sigma_rad = options.robot_sigma_rad;
-  calib::HandEyeOutcome outcome =
-      calib::solveHandEyeReprojection(board, model, observations, camera, Stream::kColor, reprojection);
-  if (!outcome.solution) {
-    missing.push_back("hand-eye of " + camera + ": " + calib::toString(outcome.status));
-  } else {
-    listUnseen(observations, outcome.solution->views);
+/// Solves one camera's part of a set of observations.
+class CameraSolver {
+ public:
+  CameraSolver(const BoardSpec& board, const std::vector<Observation>& observations, const std::string& camera,
+               const SolveOptions& options)
+      : board_(board), observations_(observations), options_(options) {
+    result_.camera = camera;
   }
-  return outcome.solution;
-}
+
+  /// False if there are none; missing() says why.
+  bool solveIntrinsics() {
+    if (options_.given_intrinsics) {
+      result_.intrinsics.camera = *options_.given_intrinsics;  // No standard deviations: nothing was estimated.
+      return true;
+    }
+    calib::IntrinsicsOptions options = options_.intrinsics;
+    calib::IntrinsicsOutcome outcome =
+        calib::solveIntrinsics(board_, observations_, result_.camera, Stream::kColor, options);
+    if (!outcome.result) {
+      missing_.push_back("intrinsics of " + result_.camera + ": " + calib::toString(outcome.status));
+      return false;
+    }
+    if (hasOutliers(outcome.result->views)) {
+      options.outlier_ratio = 0;
+      result_.intrinsics_with_outliers =
+          calib::solveIntrinsics(board_, observations_, result_.camera, Stream::kColor, options).result;
+    }
+    result_.intrinsics = *std::move(outcome.result);
+    listUnseen(observations_, result_.intrinsics.views);
+    return true;
+  }
+
+  void solveHandEye() {
+    calib::ReprojectionOptions options;
+    options.mount = options_.mount;
+    options.robot_sigma_m = options_.robot_sigma_m;
+    options.robot_sigma_rad = options_.robot_sigma_rad;
+    const auto solved = [&] {
+      return calib::solveHandEyeReprojection(board_, model(), observations_, result_.camera, Stream::kColor, options);
+    };
+    calib::HandEyeOutcome outcome = solved();
+    if (const auto contradiction = findContradiction(outcome)) {
+      const std::string sentence = "hand-eye of " + result_.camera + ": " + *contradiction;
+      if (options_.refuse_contradictions) throw Error(ErrorKind::kBadData, sentence);
+      missing_.push_back(sentence);
+    } else if (!outcome.solution) {
+      missing_.push_back("hand-eye of " + result_.camera + ": " + calib::toString(outcome.status));
+    }
+    if (!outcome.solution) return;
+    if (hasOutliers(outcome.solution->views)) {
+      options.keep_outliers = true;
+      result_.hand_eye_with_outliers = solved().solution;
+    }
+    result_.hand_eye = *std::move(outcome.solution);
+    listUnseen(observations_, result_.hand_eye->views);
+    noteWhatTheRobotDecided();
+  }
+
+  CameraResult result() && { return std::move(result_); }
+  const std::vector<std::string>& missing() const { return missing_; }
+
+ private:
+  const CameraModel& model() const { return result_.intrinsics.camera; }
+
+  /// A sentence if robot and images cannot both be right; a note if they nearly can.
+  std::optional<std::string> findContradiction(const calib::HandEyeOutcome& outcome) {
+    constexpr double kMostScaleError = 0.1, kScaleErrorWorthANote = 0.01, kSigmas = 5.0, kLeastShare = 0.8;
+    bool doubtful = outcome.status == calib::HandEyeStatus::kInconsistent;
+    if (outcome.solution) {
+      const auto& views = outcome.solution->views;
+      const auto used = std::count_if(views.begin(), views.end(), [](const ViewResidual& view) { return view.used; });
+      doubtful = static_cast<double>(used) < kLeastShare * static_cast<double>(views.size());
+    } else if (!doubtful) {
+      return std::nullopt;
+    }
+    if (doubtful) {
+      const auto why = calib::explainContradiction(board_, model(), observations_, result_.camera, Stream::kColor,
+                                                   options_.mount, options_.readings);
+      if (why) return options_.poses_from + " and the images contradict each other; they agree if " + *why;
+    }
+    if (outcome.status == calib::HandEyeStatus::kInconsistent) {
+      return options_.poses_from + " and the images contradict each other. Check that poses and images belong "
+             "together, the direction and units of the poses, and the size of the board";
+    }
+    auto scale = calib::boardScale(board_, model(), observations_, result_.camera, Stream::kColor, options_.mount);
+    if (!scale) return std::nullopt;
+    // A focal length error stretches all depths alike.
+    if (result_.intrinsics.sigma.size() > 0) {
+      scale->sigma = std::hypot(scale->sigma, result_.intrinsics.sigma[0] / model().fx());
+    }
+    result_.board_scale = scale;
+    const double off = std::abs(scale->scale - 1.0);
+    if (off < std::max(kScaleErrorWorthANote, kSigmas * scale->sigma)) return std::nullopt;
+    const std::string sizes = calib::sizeText(board_, scale->scale);
+    if (off > kMostScaleError) {
+      return options_.poses_from + " and the images contradict each other; they agree if " + sizes +
+             " (or if the robot's lengths are off in that ratio)";
+    }
+    result_.notes.push_back("by the robot's lengths, " + sizes + ": measure the board; its size scales the whole result");
+    return std::nullopt;
+  }
+
+  void noteWhatTheRobotDecided() {
+    const HandEyeSolution& solution = *result_.hand_eye;
+    const auto of = [](int part, int whole) { return std::to_string(part) + " of " + std::to_string(whole); };
+    const auto used = static_cast<int>(std::count_if(solution.views.begin(), solution.views.end(),
+                                                     [](const ViewResidual& view) { return view.used; }));
+    if (solution.symmetric_views > 0) {
+      std::string note = "the board looks the same after a turn about its normal; the robot's motion decided how " +
+                         std::to_string(solution.symmetric_views) + " views belong together, and turned the corner "
+                         "numbers of " + of(solution.resolved_turns, solution.symmetric_views);
+      if (solution.symmetric_views == used) {
+        note += ". One turn common to all views stays undetermined: that of the board's own pose, not the camera's";
+      }
+      result_.notes.push_back(note);
+    }
+    if (solution.resolved_flips > 0) {
+      result_.notes.push_back("pose flip resolved in " + of(solution.resolved_flips, used) +
+                              " views: of the two poses that a plane has, the robot chose the one that fits the "
+                              "image less well");
+    }
+  }
+
+  const BoardSpec& board_;
+  const std::vector<Observation>& observations_;
+  const SolveOptions& options_;
+  CameraResult result_;
+  std::vector<std::string> missing_;
+};
 
 }  // namespace
 
@@ -76,18 +181,15 @@ CalibrationResult solve(const BoardSpec& board, const std::vector<Observation>& 
                              " images; check the board's description: it reads " + board.describe());
   }
   for (const std::string& camera : cameras) {
-    const auto intrinsics = solveIntrinsics(board, observations, camera, options, result.missing);
-    if (!intrinsics) continue;
-    CameraResult camera_result;
-    camera_result.camera = camera;
-    camera_result.intrinsics = *intrinsics;
-    if (has_robot) {
-      camera_result.hand_eye =
-          solveHandEye(board, intrinsics->camera, observations, camera, options, result.missing);
-    } else if (options.given_intrinsics) {
+    CameraSolver solver(board, observations, camera, options);
+    const bool has_intrinsics = solver.solveIntrinsics();
+    if (has_intrinsics && has_robot) solver.solveHandEye();
+    result.missing.insert(result.missing.end(), solver.missing().begin(), solver.missing().end());
+    if (!has_intrinsics) continue;
+    if (!has_robot && options.given_intrinsics) {
       result.missing.push_back(camera + ": intrinsics are given and there are no robot poses; nothing to solve");
     }
-    result.cameras.push_back(std::move(camera_result));
+    result.cameras.push_back(std::move(solver).result());
   }
   result.goal_met = result.missing.empty();
   return result;

@@ -67,6 +67,42 @@ std::string handEyeText(const HandEyeSolution& hand_eye) {
                 hand_eye.scatter_m * 1e3, hand_eye.scatter_rad * kRadToDeg);
 }
 
+/// "12.345 +- 0.012", right-aligned.
+std::string valueText(double value, double sigma, int digits) {
+  return format("%24s", format("%.*f +- %.*f", digits, value, digits, sigma).c_str());
+}
+
+std::string comparisonHead() {
+  return format("    %-16s%24s%24s   %s\n", "the outliers", "left out", "kept", "apart by");
+}
+
+/// What the views that were left out would have done to the intrinsics.
+std::string comparisonText(const IntrinsicsResult& without, const IntrinsicsResult& with) {
+  std::string text = comparisonHead();
+  text += format("    %-16s%24.3f%24.3f\n", "residual, px", without.rms_px, with.rms_px);
+  for (int i = 0; i < 4; ++i) {
+    const double value = without.camera.parameters[i], other = with.camera.parameters[i];
+    const std::string& name = parameterNames(without.camera.lens)[static_cast<std::size_t>(i)];
+    text += format("    %-16s", (name + ", px").c_str()) + valueText(value, without.sigma[i], 2) +
+            valueText(other, with.sigma[i], 2) + format("   %.1f sigma\n", std::abs(other - value) / without.sigma[i]);
+  }
+  return text;
+}
+
+std::string comparisonText(const HandEyeSolution& without, const HandEyeSolution& with) {
+  std::string text = comparisonHead();
+  text += format("    %-16s%24.3f%24.3f\n", "residual, px", without.rms_px, with.rms_px);
+  text += format("    %-16s%24.2f%24.2f\n", "scatter, mm", without.scatter_m * 1e3, with.scatter_m * 1e3);
+  for (int i = 0; i < 3; ++i) {
+    const double value = without.camera_pose.translation()[i], other = with.camera_pose.translation()[i];
+    text += format("    camera %c, mm    ", "xyz"[i]) + valueText(value * 1e3, without.camera_sigma[i] * 1e3, 2) +
+            valueText(other * 1e3, with.camera_sigma[i] * 1e3, 2) +
+            format("   %.1f sigma\n", std::abs(other - value) / without.camera_sigma[i]);
+  }
+  const Pose<Base, Color> first(without.camera_pose), second(with.camera_pose);
+  return text + format("    camera turned by %.3f deg\n", angleRad(first, second) * kRadToDeg);
+}
+
 std::string coverageText(const CoverageSummary& coverage) {
   int filled = 0, given_up = 0;
   std::string grid;
@@ -114,9 +150,14 @@ std::string summary(const CalibrationResult& result) {
   for (const CameraResult& camera : result.cameras) {
     text += "Camera " + camera.camera + "\n" + intrinsicsText(camera.intrinsics) +
             rejectedText(camera.intrinsics.views);
+    if (camera.intrinsics_with_outliers) {
+      text += comparisonText(camera.intrinsics, *camera.intrinsics_with_outliers);
+    }
     if (camera.hand_eye) {
       text += "  Hand-eye\n" + handEyeText(*camera.hand_eye) + rejectedText(camera.hand_eye->views);
+      if (camera.hand_eye_with_outliers) text += comparisonText(*camera.hand_eye, *camera.hand_eye_with_outliers);
     }
+    for (const std::string& note : camera.notes) text += "  Note: " + note + ".\n";
     if (camera.coverage) text += coverageText(*camera.coverage);
     if (!camera.tilt_limits.empty()) {
       text += "  Tilt limits:";

@@ -1,25 +1,19 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "servocal/robot/kinematics.h"
 
-#include <urdf_model/model.h>
-#include <urdf_parser/urdf_parser.h>
-
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <kdl/chain.hpp>
 #include <kdl/chainfksolverpos_recursive.hpp>
 #include <kdl/chainiksolverpos_lma.hpp>
 #include <kdl/chainjnttojacsolver.hpp>
 #include <limits>
 #include <random>
-#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
-#include "builtin_urdf.h"
-#include "servocal/core/error.h"
+#include "urdf_chain.h"
 
 namespace servocal::robot {
 namespace {
@@ -30,19 +24,6 @@ constexpr double kReachedRad = 1e-4;
 constexpr double kNearRad = 1.0;  // A solution with every joint this near the seed is not searched on.
 constexpr int kRestarts = 30;
 constexpr int kEnoughRestarts = 6;  // Once there is a solution, for one nearer to the seed.
-
-[[noreturn]] void refuse(const ArmConfig& arm, const std::string& what) {
-  throw Error(ErrorKind::kInvalidConfig, "URDF '" + arm.urdf + "': " + what);
-}
-
-std::string urdfText(const ArmConfig& arm) {
-  if (arm.urdf == "ur5") return kUr5Urdf;
-  std::ifstream file(arm.urdf);
-  if (!file) refuse(arm, "cannot be read. Give \"ur5\" or the path of a URDF file.");
-  std::ostringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
 
 KDL::Frame toKdl(const urdf::Pose& pose) {
   return {KDL::Rotation::Quaternion(pose.rotation.x, pose.rotation.y, pose.rotation.z, pose.rotation.w),
@@ -123,37 +104,16 @@ struct Kinematics::Impl {
 };
 
 Kinematics::Kinematics(const ArmConfig& arm) : impl_(std::make_unique<Impl>()) {
-  const urdf::ModelInterfaceSharedPtr model = urdf::parseURDF(urdfText(arm));
-  if (!model) refuse(arm, "is not a robot description.");
-  if (!model->getLink(arm.base_link)) refuse(arm, "has no link '" + arm.base_link + "'.");
-  urdf::LinkConstSharedPtr link = model->getLink(arm.flange_link);
-  if (!link) refuse(arm, "has no link '" + arm.flange_link + "'.");
-
-  std::vector<urdf::JointSharedPtr> joints;
-  for (; link->name != arm.base_link; link = link->getParent()) {
-    if (!link->parent_joint || !link->getParent())
-      refuse(arm, "has no chain from '" + arm.base_link + "' to '" + arm.flange_link + "'.");
-    joints.push_back(link->parent_joint);
-  }
-  std::reverse(joints.begin(), joints.end());
-
+  const UrdfChain chain = readChain(arm);
   std::vector<double> lower, upper;
-  for (const urdf::JointSharedPtr& joint : joints) {
-    const std::string name = "joint '" + joint->name + "' ";
-    const bool turns = joint->type == urdf::Joint::REVOLUTE || joint->type == urdf::Joint::CONTINUOUS;
-    if (!turns && joint->type != urdf::Joint::FIXED)
-      refuse(arm, name + "neither turns nor is fixed; only such chains are supported.");
-    if (joint->mimic) refuse(arm, name + "follows another joint, which is not supported.");
+  for (const urdf::JointSharedPtr& joint : chain.joints) {
     impl_->chain.addSegment(toSegment(*joint));
     impl_->reach_m += toKdl(joint->parent_to_joint_origin_transform).p.Norm();
-    if (!turns) continue;
+    if (joint->type == urdf::Joint::FIXED) continue;
     const bool continuous = joint->type == urdf::Joint::CONTINUOUS;
-    if (!continuous && (!joint->limits || !(joint->limits->lower < joint->limits->upper)))
-      refuse(arm, name + "has no limits.");
     lower.push_back(continuous ? -std::numeric_limits<double>::infinity() : joint->limits->lower);
     upper.push_back(continuous ? std::numeric_limits<double>::infinity() : joint->limits->upper);
   }
-  if (lower.empty()) refuse(arm, "has no joint between the two links.");
   impl_->lower = Eigen::Map<Eigen::VectorXd>(lower.data(), static_cast<Eigen::Index>(lower.size()));
   impl_->upper = Eigen::Map<Eigen::VectorXd>(upper.data(), static_cast<Eigen::Index>(upper.size()));
 }

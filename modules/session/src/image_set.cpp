@@ -128,6 +128,8 @@ ImageSet loadImageSet(const fs::path& manifest, const fs::path& root_option) {
   if (format) {
     const auto poses = readPoses(*format, folder, names);
     for (std::size_t i = 0; i < poses.size(); ++i) set.images[i].bMe = poses[i];
+    set.poses_from = (folder / (format->table.empty() ? format->files : format->table)).string();
+    set.other_readings = otherReadings(*format, folder, names);
   }
   return set;
 }

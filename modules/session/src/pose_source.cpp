@@ -392,4 +392,51 @@ std::vector<BasePose> readPoses(const PoseFormat& format, const fs::path& folder
   return poses;
 }
 
+std::vector<PoseReading> otherReadings(const PoseFormat& format, const fs::path& folder,
+                                       const std::vector<std::string>& names) {
+  std::vector<std::pair<std::string, PoseFormat>> others;
+  const bool euler = format.rotation == Rotation::kEuler;
+  const bool vector = format.rotation == Rotation::kRotationVector;
+  if (euler || vector) {
+    PoseFormat other = format;
+    other.degrees = !format.degrees;
+    others.emplace_back(std::string("the angles are in ") +
+                            (other.degrees ? "degrees (angle_unit: deg)" : "radians (angle_unit: rad)"), other);
+    const std::vector<std::string> components = componentNames(format);
+    for (const std::string& order : eulerOrders()) {
+      other = format;
+      other.rotation = Rotation::kEuler;
+      other.euler_order = order;
+      if ((euler && order == format.euler_order) || componentNames(other) != components) continue;
+      others.emplace_back("the angles are Euler angles (euler_order: " + order + ")", other);
+    }
+  }
+  if (euler) {
+    PoseFormat other = format;
+    other.rotation = Rotation::kRotationVector;
+    if (componentNames(other) == componentNames(format)) {
+      others.emplace_back("the angles are a rotation vector (format: rotation_vector)", other);
+    }
+  }
+  std::vector<PoseReading> readings;
+  for (const auto& [what, other] : others) {
+    try {
+      readings.push_back({what, readPoses(other, folder, names)});
+    } catch (const Error&) {
+      // Not a way to read these files.
+    }
+  }
+  if (format.rotation == Rotation::kQuaternion) {
+    PoseReading reading{"the quaternions are in the order w x y z", readPoses(format, folder, names)};
+    for (BasePose& bMe : reading.bMe) {
+      const BasePose stored = format.end_effector_in_base ? bMe : relabel<Base, EndEffector>(bMe.inverse());
+      const Eigen::Quaterniond q = stored.quaternion();
+      const auto pose = BasePose::fromQuaternion(Eigen::Quaterniond(q.x(), q.y(), q.z(), q.w()), stored.translation());
+      bMe = format.end_effector_in_base ? pose : relabel<Base, EndEffector>(pose.inverse());
+    }
+    readings.push_back(std::move(reading));
+  }
+  return readings;
+}
+
 }  // namespace servocal::session

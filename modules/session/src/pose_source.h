@@ -7,6 +7,7 @@
 
 #include "servocal/core/config_reader.h"
 #include "servocal/core/pose.h"
+#include "servocal/session/image_set.h"
 
 namespace servocal::session {
 
@@ -33,5 +34,10 @@ PoseFormat readPoseFormat(const ConfigReader& section);
 /// @throws Error (kBadData) naming the file, the image or row, and the cause.
 std::vector<Pose<Base, EndEffector>> readPoses(const PoseFormat& format, const std::filesystem::path& folder,
                                                const std::vector<std::string>& names);
+
+/// What the same files say under every other meaning that the manifest could have confused with this one
+/// (ImageSet::other_readings). A meaning under which they cannot be read is left out.
+std::vector<PoseReading> otherReadings(const PoseFormat& format, const std::filesystem::path& folder,
+                                       const std::vector<std::string>& names);
 
 }  // namespace servocal::session

@@ -42,6 +42,7 @@ Json viewsTree(const std::vector<ViewResidual>& views) {
                     {"name", view.name},
                     {"rms_px", view.rms_px},
                     {"used", view.used},
+                    {"cause", toString(view.cause)},
                     {"reason", view.reason}});
   }
   return tree;
@@ -106,6 +107,9 @@ Json handEyeTree(const HandEyeSolution& solution, const std::string& camera) {
           {"robot_correction_rms_deg", solution.robot_rms_rad * kDegPerRad},
           {"scatter_m", solution.scatter_m},
           {"scatter_deg", solution.scatter_rad * kDegPerRad},
+          {"symmetric_views", solution.symmetric_views},
+          {"resolved_turns", solution.resolved_turns},
+          {"resolved_flips", solution.resolved_flips},
           {"views_used", usedViews(solution.views)},
           {"views", viewsTree(solution.views)}};
 }
@@ -126,7 +130,17 @@ Json coverageTree(const CoverageSummary& coverage) {
 
 Json cameraTree(const CameraResult& camera) {
   Json tree = {{"camera", camera.camera}, {"intrinsics", intrinsicsTree(camera.intrinsics)}};
+  if (camera.intrinsics_with_outliers) {
+    tree["intrinsics"]["with_outliers"] = intrinsicsTree(*camera.intrinsics_with_outliers);
+  }
   if (camera.hand_eye) tree["hand_eye"] = handEyeTree(*camera.hand_eye, camera.camera);
+  if (camera.hand_eye && camera.hand_eye_with_outliers) {
+    tree["hand_eye"]["with_outliers"] = handEyeTree(*camera.hand_eye_with_outliers, camera.camera);
+  }
+  if (camera.board_scale) {
+    tree["board_scale"] = {{"scale", camera.board_scale->scale}, {"sigma", camera.board_scale->sigma}};
+  }
+  if (!camera.notes.empty()) tree["notes"] = camera.notes;
   if (camera.coverage) tree["coverage"] = coverageTree(*camera.coverage);
   if (!camera.tilt_limits.empty()) {
     Json limits = Json::array();

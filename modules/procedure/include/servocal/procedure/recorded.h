@@ -25,12 +25,14 @@ struct SolveOverrides {
 std::vector<Observation> detectImages(const session::ImageSet& images);
 
 /// A folder of images, from manifest to result.
-/// @throws Error as detectImages.
+/// @throws Error as detectImages; (kBadData) also if robot poses and images contradict each other, or if a board
+///   with rows and columns swapped, or one square larger each way, is what the images show. The message says
+///   which mistake makes them agree, if one does.
 CalibrationResult solveImages(const session::ImageSet& images, const SolveOverrides& overrides = {});
 
 /// A recorded session, from its stored detections; mount and robot accuracy are those of its cell file.
-/// @throws Error (kNothingToDo) if it holds no observation, (kBadData) if it cannot be read,
-///   (kInvalidConfig) if its cell file cannot be, or has cameras of both mounts.
+/// @throws Error (kNothingToDo) if it holds no observation, (kBadData) if it cannot be read or robot poses and
+///   images contradict each other, (kInvalidConfig) if its cell file cannot be, or has cameras of both mounts.
 CalibrationResult solveRecorded(const session::Session& recorded, const SolveOverrides& overrides = {});
 
 }  // namespace servocal::procedure

@@ -21,6 +21,12 @@ struct PosedImage {
   std::optional<Pose<Base, EndEffector>> bMe;  ///< All images of a set have one, or none has.
 };
 
+/// The same pose files read in another way, for the case that robot and images contradict each other.
+struct PoseReading {
+  std::string what;  ///< Completes "they agree if ...", e.g. "the angles are in degrees (angle_unit: deg)".
+  std::vector<Pose<Base, EndEffector>> bMe;  ///< Per image.
+};
+
 /// A folder of images with or without robot poses, described by a manifest: what somebody else recorded.
 struct ImageSet {
   std::string camera;               ///< Name the camera gets in the result.
@@ -34,6 +40,10 @@ struct ImageSet {
   double robot_accuracy_m = 0.0003;     ///< Declared robot noise, 1 sigma per axis.
   double robot_accuracy_rad = 0.0005;
   std::vector<PosedImage> images;   ///< In natural order of their names (2 before 10).
+  std::string poses_from;           ///< The pose table, or the pattern of the pose files; for messages.
+  /// Other units of angle, Euler orders, order of a quaternion, Euler angles for a rotation vector: what the
+  /// files would say if the manifest were mistaken. To be named, never believed unasked.
+  std::vector<PoseReading> other_readings;
 };
 
 /// Reads a manifest (YAML; docs/manifest.md) and everything it points to but the pixels. Relative paths
