@@ -59,6 +59,9 @@ class CameraSolver {
       options.outlier_ratio = 0;
       result_.intrinsics_with_outliers =
           calib::solveIntrinsics(board_, observations_, result_.camera, Stream::kColor, options).result;
+      if (!result_.intrinsics_with_outliers) {
+        result_.notes.push_back("with the views that were left out, the intrinsics cannot be solved");
+      }
     }
     result_.intrinsics = *std::move(outcome.result);
     listUnseen(observations_, result_.intrinsics.views);
