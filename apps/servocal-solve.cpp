@@ -29,8 +29,8 @@ Example:
 
 int main(int argc, char** argv) {
   CLI::App cli(
-      "Solves a recorded session, or a folder of images described by a manifest: intrinsics, and with\n"
-      "robot poses where the camera stands.",
+      "Solves a recorded session, or folders of images described by a manifest: intrinsics, with robot\n"
+      "poses where the camera stands, and of several cameras how they stand to each other.",
       "servocal-solve");
   cli.footer(kFooter);
   std::filesystem::path input, root, out;
@@ -62,7 +62,7 @@ int main(int argc, char** argv) {
     }
     CalibrationResult result = recorded
                                    ? procedure::solveRecorded(session::Session::open(input), overrides)
-                                   : procedure::solveImages(session::loadImageSet(input, root), overrides);
+                                   : procedure::solveImages(session::loadImageSets(input, root), overrides);
     result.provenance = "servocal-solve " + input.string();
     (json ? std::cerr : std::cout) << procedure::summary(result);
     if (json) std::cout << session::resultJson(result);

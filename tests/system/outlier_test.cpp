@@ -52,7 +52,7 @@ TEST(RealDataOutliers, BlurredImagesAndOtherBoardsAreNamed) {
   if (!data) GTEST_SKIP() << "SERVOCAL_TEST_DATA is not set";
   const session::ImageSet original = session::loadImageSet(SERVOCAL_MANIFESTS "/opencv_left.yaml", *data);
   ASSERT_EQ(original.images.size(), 13u);
-  const CalibrationResult clean = procedure::solveImages(original);
+  const CalibrationResult clean = procedure::solveImages({original});
   ASSERT_EQ(clean.cameras.size(), 1u);
   for (int seed = 1; seed <= kInjections; ++seed) {
     std::mt19937_64 random(seed);
@@ -82,7 +82,7 @@ TEST(RealDataOutliers, BlurredImagesAndOtherBoardsAreNamed) {
       set.images[i].file = folder / (std::to_string(i) + ".png");
       cv::imwrite(set.images[i].file.string(), image);
     }
-    const CalibrationResult result = procedure::solveImages(set);
+    const CalibrationResult result = procedure::solveImages({set});
     ASSERT_EQ(result.cameras.size(), 1u) << seed;
     expectNamed(result.cameras[0].intrinsics.views, injected, seed);
     if (seed <= 3) std::cout << procedure::summary(result);

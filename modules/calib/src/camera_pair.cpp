@@ -26,7 +26,7 @@ struct SeenCorner {
 struct View {
   std::vector<SeenCorner> corners[2];
   BoardDetection detections[2];
-  std::size_t report = 0;  // index into PairSolution::views
+  std::size_t report = 0;  // index into CameraPair::views
 };
 
 /// One way to read a view: which planar solutions, and how the board is turned in the second camera.
@@ -234,7 +234,9 @@ const char* toString(PairStatus status) {
 PairOutcome solveCameraPair(const BoardSpec& board, const PairCamera& first, const PairCamera& second,
                             const std::vector<Observation>& observations) {
   PairOutcome outcome;
-  PairSolution solution;
+  CameraPair solution;
+  solution.first = first.name;
+  solution.second = second.name;
   std::vector<View> views;
   std::vector<std::vector<Reading>> all;
   for (const Observation& observation : observations) {

@@ -110,6 +110,7 @@ NextView nextView(const coverage::Coverage& coverage, const Belief& belief, cons
         if (!ray || !camera.contains(pixel)) continue;
         for (const double distance_m : options.distances_m) {
           for (const Eigen::Matrix3d& rotation : rotations) {
+            if (rotation.col(2).dot(ray->homogeneous().normalized()) < std::cos(options.max_obliquity_rad)) continue;
             Candidate candidate{Pose<Color, Board>(rotation, distance_m * ray->homogeneous()), {}, 0.0};
             const int marginals = coverage.missingMarginals(candidate.cdMo);
             if (!cell && marginals == 0) continue;

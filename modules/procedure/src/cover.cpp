@@ -14,9 +14,9 @@ namespace {
 constexpr double kDegree = M_PI / 180.0;
 constexpr int kTriesPerCell = 3;
 
-/// Lean of tilted views: well inside what the detector can do, at most what still adds information.
-double usableTilt(const std::vector<TiltLimit>& limits) {
-  double tilt = 40 * kDegree;
+/// The largest angle at which the board is sure to be detected, by the tilt search.
+double detectableTilt(const std::vector<TiltLimit>& limits) {
+  double tilt = 75 * kDegree;
   for (const TiltLimit& limit : limits) {
     if (limit.direction.rfind("roll", 0) != 0 && limit.ended_by == "detection") {
       tilt = std::min(tilt, limit.limit_rad - 5 * kDegree);
@@ -32,7 +32,8 @@ CoverResult cover(Run& run, const std::vector<TiltLimit>& tilt_limits) {
   const CameraConfig& camera = run.cell().cameras.front();
   coverage::Coverage coverage(config, camera.width_px, camera.height_px);
   plan::PlanOptions plan_options;
-  plan_options.tilt_rad = usableTilt(tilt_limits);
+  plan_options.max_obliquity_rad = detectableTilt(tilt_limits);
+  plan_options.tilt_rad = std::min(40 * kDegree, plan_options.max_obliquity_rad);  // More adds little.
   plan_options.distances_m = {config.near_distance_m, 1.08 * config.distance_ratio * config.near_distance_m,
                               1.3 * config.distance_ratio * config.near_distance_m};
 
@@ -63,9 +64,9 @@ CoverResult cover(Run& run, const std::vector<TiltLimit>& tilt_limits) {
       }
       run.updateBelief();
     }
-    if (!helped) {
-      tried.push_back(next.view->cdMo);
-      if (next.view->cell && ++failures[*next.view->cell] >= kTriesPerCell) coverage.giveUp(*next.view->cell);
+    tried.push_back(next.view->cdMo);  // The same view again would add corners, but nothing new.
+    if (!helped && next.view->cell && ++failures[*next.view->cell] >= kTriesPerCell) {
+      coverage.giveUp(*next.view->cell);
     }
     const double per_view_s = toSeconds(run.clock().now() - begin) / std::max(1, result.views);
     const int open = static_cast<int>(coverage.openCells().size());

@@ -112,7 +112,9 @@ void refuseMisdescribedBoard(const session::ImageSet& images, const std::vector<
 
 std::vector<Observation> detectImages(const session::ImageSet& images) { return detectBoard(images.board, images); }
 
-CalibrationResult solveImages(const session::ImageSet& images, const SolveOverrides& overrides) {
+CalibrationResult solveImages(const std::vector<session::ImageSet>& cameras, const SolveOverrides& overrides) {
+  if (cameras.empty()) throw std::invalid_argument("solveImages: no camera");
+  const session::ImageSet& images = cameras.front();
   SolveOptions options;
   options.intrinsics.lens = images.lens;
   options.intrinsics.fixed = images.fixed;
@@ -120,13 +122,24 @@ CalibrationResult solveImages(const session::ImageSet& images, const SolveOverri
   options.mount = images.mount;
   options.robot_sigma_m = images.robot_accuracy_m;
   options.robot_sigma_rad = images.robot_accuracy_rad;
-  options.given_intrinsics = images.given_intrinsics;
   options.refuse_contradictions = true;
   if (!images.poses_from.empty()) options.poses_from = "'" + images.poses_from + "'";
   for (const session::PoseReading& reading : images.other_readings) {
     options.readings.push_back({reading.what, {reading.bMe.begin(), reading.bMe.end()}});
   }
-  const std::vector<Observation> observations = detectImages(images);
+  std::vector<Observation> observations = detectImages(images);
+  for (const session::ImageSet& camera : cameras) {
+    if (camera.given_intrinsics) options.given_intrinsics.emplace(camera.camera, *camera.given_intrinsics);
+    if (&camera == &images) continue;
+    if (camera.lens != images.lens || camera.fixed != images.fixed) {
+      throw Error(ErrorKind::kInvalidConfig, "cameras '" + images.camera + "' and '" + camera.camera +
+                                                 "' of one manifest must have the same lens and fixed");
+    }
+    const std::vector<Observation> others = detectImages(camera);
+    for (std::size_t i = 0; i < observations.size(); ++i) {
+      observations[i].views.insert(observations[i].views.end(), others[i].views.begin(), others[i].views.end());
+    }
+  }
   CalibrationResult result = solve(images.board, observations, options);
   if (result.cameras.empty()) refuseMisdescribedBoard(images, observations);
   return result;

@@ -6,6 +6,7 @@
 #include <set>
 #include <string>
 
+#include "servocal/calib/camera_pair.h"
 #include "servocal/calib/reprojection.h"
 #include "servocal/core/error.h"
 
@@ -44,8 +45,9 @@ class CameraSolver {
 
   /// False if there are none; missing() says why.
   bool solveIntrinsics() {
-    if (options_.given_intrinsics) {
-      result_.intrinsics.camera = *options_.given_intrinsics;  // No standard deviations: nothing was estimated.
+    const auto given = options_.given_intrinsics.find(result_.camera);
+    if (given != options_.given_intrinsics.end()) {
+      result_.intrinsics.camera = given->second;  // No standard deviations: nothing was estimated.
       return true;
     }
     calib::IntrinsicsOptions options = options_.intrinsics;
@@ -189,10 +191,21 @@ CalibrationResult solve(const BoardSpec& board, const std::vector<Observation>& 
     if (has_intrinsics && has_robot) solver.solveHandEye();
     result.missing.insert(result.missing.end(), solver.missing().begin(), solver.missing().end());
     if (!has_intrinsics) continue;
-    if (!has_robot && options.given_intrinsics) {
+    if (!has_robot && cameras.size() == 1 && options.given_intrinsics.count(camera) > 0) {
       result.missing.push_back(camera + ": intrinsics are given and there are no robot poses; nothing to solve");
     }
     result.cameras.push_back(std::move(solver).result());
+  }
+  for (std::size_t i = 1; i < result.cameras.size(); ++i) {
+    const CameraResult &first = result.cameras.front(), &second = result.cameras[i];
+    calib::PairOutcome pair =
+        calib::solveCameraPair(board, {first.camera, Stream::kColor, first.intrinsics.camera},
+                               {second.camera, Stream::kColor, second.intrinsics.camera}, observations);
+    if (pair.solution) {
+      result.camera_pairs.push_back(*std::move(pair.solution));
+    } else if (!has_robot || pair.status != calib::PairStatus::kNoCommonView) {
+      result.missing.push_back("pose of " + second.camera + " in " + first.camera + ": " + calib::toString(pair.status));
+    }
   }
   result.goal_met = result.missing.empty();
   return result;

@@ -167,6 +167,13 @@ std::string summary(const CalibrationResult& result) {
       text += '\n';
     }
   }
+  for (const CameraPair& pair : result.camera_pairs) {
+    text += "Cameras " + pair.first + " and " + pair.second + "\n" +
+            poseText((pair.second + " in " + pair.first).c_str(), pair.first_by_second,
+                     pair.covariance.diagonal().cwiseSqrt()) +
+            format("    %s views, residual %.3f px RMS\n", usedOfFound(pair.views).c_str(), pair.rms_px) +
+            rejectedText(pair.views);
+  }
   text += format("%d observations", result.observations);
   if (result.motion_time_s > 0) {
     text += format("; first to last motion %.1f s, of which tilt search %.1f s", result.motion_time_s,

@@ -92,6 +92,33 @@ std::vector<std::string> fixedParameters(const ConfigReader& reader, LensModel l
   return fixed;
 }
 
+/// What a manifest says of one camera, before its images are looked for.
+struct CameraPart {
+  ImageSet set;
+  std::string intrinsics_file;
+};
+
+CameraPart readCamera(const ConfigReader& reader, const BoardSpec& board) {
+  CameraPart part;
+  part.set.camera = reader.text("camera", "camera");
+  part.set.board = board;
+  part.set.lens = static_cast<LensModel>(reader.choice("lens", {"plumb_bob", "rational_polynomial"}, 0));
+  part.set.fixed = fixedParameters(reader, part.set.lens);
+  part.intrinsics_file = reader.text("intrinsics_file", "");
+  // All keys are judged before a file is looked for: a typing mistake is not a missing image.
+  for (const char* key : {"images", "image_list"}) reader.has(key);
+  return part;
+}
+
+void readImages(const ConfigReader& reader, const fs::path& root, const fs::path& folder, CameraPart& part) {
+  ImageSet& set = part.set;
+  for (const std::string& name : imageNames(reader, folder)) set.images.push_back({folder / name, name, std::nullopt});
+  const ImageSize size = commonSize(set.images);
+  set.width_px = size.width_px;
+  set.height_px = size.height_px;
+  if (!part.intrinsics_file.empty()) set.given_intrinsics = readIntrinsics(root / part.intrinsics_file, size);
+}
+
 }  // namespace
 
 ImageSet loadImageSet(const fs::path& manifest, const fs::path& root_option) {
@@ -99,12 +126,8 @@ ImageSet loadImageSet(const fs::path& manifest, const fs::path& root_option) {
   const fs::path root = root_option.empty() ? manifest.parent_path() : root_option;
   const fs::path folder = (root / reader.text("folder", ".")).lexically_normal();
 
-  ImageSet set;
-  set.camera = reader.text("camera", "camera");
-  set.board = boardOf(reader, root);
-  set.lens = static_cast<LensModel>(reader.choice("lens", {"plumb_bob", "rational_polynomial"}, 0));
-  set.fixed = fixedParameters(reader, set.lens);
-  const std::string intrinsics_file = reader.text("intrinsics_file", "");
+  CameraPart part = readCamera(reader, boardOf(reader, root));
+  ImageSet& set = part.set;
   std::optional<PoseFormat> format;
   if (const auto section = reader.optionalSection("poses")) {
     format = readPoseFormat(*section);
@@ -114,24 +137,54 @@ ImageSet loadImageSet(const fs::path& manifest, const fs::path& root_option) {
     set.robot_accuracy_rad =
         reader.number("robot_accuracy_deg", {1e-5, 5.0}, set.robot_accuracy_rad / kRadPerDeg) * kRadPerDeg;
   }
-  // All keys are judged before a file is looked for: a typing mistake is not a missing image.
-  for (const char* key : {"images", "image_list", "mount", "robot_accuracy_m", "robot_accuracy_deg"})
-    reader.has(key);
+  for (const char* key : {"mount", "robot_accuracy_m", "robot_accuracy_deg"}) reader.has(key);
   reader.finish();
 
-  const std::vector<std::string> names = imageNames(reader, folder);
-  for (const std::string& name : names) set.images.push_back({folder / name, name, std::nullopt});
-  const ImageSize size = commonSize(set.images);
-  set.width_px = size.width_px;
-  set.height_px = size.height_px;
-  if (!intrinsics_file.empty()) set.given_intrinsics = readIntrinsics(root / intrinsics_file, size);
+  readImages(reader, root, folder, part);
   if (format) {
+    std::vector<std::string> names;
+    for (const PosedImage& image : set.images) names.push_back(image.name);
     const auto poses = readPoses(*format, folder, names);
     for (std::size_t i = 0; i < poses.size(); ++i) set.images[i].bMe = poses[i];
     set.poses_from = (folder / (format->table.empty() ? format->files : format->table)).string();
     set.other_readings = otherReadings(*format, folder, names);
   }
   return set;
+}
+
+std::vector<ImageSet> loadImageSets(const fs::path& manifest, const fs::path& root_option) {
+  const ConfigReader reader = ConfigReader::fromFile(manifest);
+  if (!reader.has("cameras")) return {loadImageSet(manifest, root_option)};
+  const fs::path root = root_option.empty() ? manifest.parent_path() : root_option;
+  const std::string common_folder = reader.text("folder", ".");
+  const BoardSpec board = boardOf(reader, root);
+  const std::vector<ConfigReader> cameras = reader.sections("cameras");
+  reader.finish();
+
+  std::vector<CameraPart> parts;
+  std::vector<fs::path> folders;
+  for (const ConfigReader& camera : cameras) {
+    camera.text("camera");  // Two cameras need names.
+    parts.push_back(readCamera(camera, board));
+    folders.push_back((root / camera.text("folder", common_folder)).lexically_normal());
+    camera.finish();
+    for (std::size_t i = 0; i + 1 < parts.size(); ++i) {
+      if (parts[i].set.camera == parts.back().set.camera)
+        camera.fail("camera", "two cameras are called '" + parts[i].set.camera + "'");
+    }
+  }
+  std::vector<ImageSet> sets;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    readImages(cameras[i], root, folders[i], parts[i]);
+    sets.push_back(std::move(parts[i].set));
+    if (sets[i].images.size() != sets[0].images.size()) {
+      throw Error(ErrorKind::kBadData, "camera '" + sets[0].camera + "' has " + std::to_string(sets[0].images.size()) +
+                                           " images, camera '" + sets[i].camera + "' " +
+                                           std::to_string(sets[i].images.size()) +
+                                           "; images that were taken together must come in pairs");
+    }
+  }
+  return sets;
 }
 
 }  // namespace servocal::session

@@ -154,6 +154,15 @@ Json cameraTree(const CameraResult& camera) {
   return tree;
 }
 
+Json pairTree(const CameraPair& pair) {
+  return {{"pose", poseTree("first_by_second", pair.first + "_color", pair.second + "_color", pair.first_by_second,
+                            pair.covariance.diagonal().cwiseSqrt())},
+          {"covariance", matrix(pair.covariance)},
+          {"rms_px", pair.rms_px},
+          {"views_used", usedViews(pair.views)},
+          {"views", viewsTree(pair.views)}};
+}
+
 Json resultTree(const CalibrationResult& result) {
   Json tree = {{"schema_version", result.schema_version},
                {"provenance", result.provenance},
@@ -165,6 +174,7 @@ Json resultTree(const CalibrationResult& result) {
                {"tilt_time_s", result.tilt_time_s},
                {"cameras", Json::array()}};
   for (const CameraResult& camera : result.cameras) tree["cameras"].push_back(cameraTree(camera));
+  for (const CameraPair& pair : result.camera_pairs) tree["camera_pairs"].push_back(pairTree(pair));
   return tree;
 }
 

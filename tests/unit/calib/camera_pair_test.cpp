@@ -46,15 +46,15 @@ PairScene makePair(std::uint64_t seed, int views, const BoardSpec& board = {}) {
   return scene;
 }
 
-/// Error in the parameters of PairSolution::covariance.
-Eigen::Matrix<double, 6, 1> errorOf(const PairSolution& solution, const Eigen::Isometry3d& truth) {
+/// Error in the parameters of CameraPair::covariance.
+Eigen::Matrix<double, 6, 1> errorOf(const CameraPair& solution, const Eigen::Isometry3d& truth) {
   const Eigen::AngleAxisd turn(solution.first_by_second.linear() * truth.linear().transpose());
   Eigen::Matrix<double, 6, 1> error;
   error << solution.first_by_second.translation() - truth.translation(), turn.angle() * turn.axis();
   return error;
 }
 
-std::vector<std::string> leftOut(const PairSolution& solution) {
+std::vector<std::string> leftOut(const CameraPair& solution) {
   std::vector<std::string> names;
   for (const ViewResidual& view : solution.views) {
     if (!view.used) names.push_back(view.name);

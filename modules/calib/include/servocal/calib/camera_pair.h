@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include <Eigen/Geometry>
 #include <optional>
 #include <string>
 #include <vector>
@@ -20,23 +19,13 @@ struct PairCamera {
   CameraModel model;
 };
 
-/// Where one camera stands beside another: a stereo rig, or color and infrared of one RGB-D camera.
-struct PairSolution {
-  Eigen::Isometry3d first_by_second;  ///< Pose of the second camera in the first: takes points of the second
-                                      ///< to the first, m.
-  Eigen::Matrix<double, 6, 6> covariance;  ///< Of its origin (m), then of a turn about that origin (rad), along
-                                      ///< the axes of the first camera.
-  double rms_px = 0.0;                ///< Of both cameras' residuals together. Fit, not accuracy.
-  std::vector<ViewResidual> views;    ///< Of the observations in which both see the board.
-};
-
 enum class PairStatus { kSolved, kNoCommonView, kInconsistent, kAmbiguous };
 /// Sentence for the operator: what happened, and what to do about it.
 const char* toString(PairStatus status);
 
 struct PairOutcome {
   PairStatus status = PairStatus::kNoCommonView;
-  std::optional<PairSolution> solution;  ///< Present only if kSolved.
+  std::optional<CameraPair> solution;   ///< Present only if kSolved.
 };
 
 /// The pose between two cameras from the observations in which both see the board, intrinsics given: maximum

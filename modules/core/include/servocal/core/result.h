@@ -102,6 +102,18 @@ struct CameraResult {
   std::vector<TiltLimit> tilt_limits;
 };
 
+/// Where one camera stands beside another: a stereo rig, or color and infrared of one RGB-D camera.
+struct CameraPair {
+  std::string first;
+  std::string second;
+  Eigen::Isometry3d first_by_second;  ///< Pose of the second camera in the first: takes points of the second
+                                      ///< to the first, m.
+  Eigen::Matrix<double, 6, 6> covariance;  ///< Of its origin (m), then of a turn about that origin (rad), along
+                                      ///< the axes of the first camera.
+  double rms_px = 0.0;                ///< Of both cameras' residuals together. Fit, not accuracy.
+  std::vector<ViewResidual> views;    ///< Of the observations in which both see the board.
+};
+
 /// What a run ends with; see docs/result-schema.md.
 struct CalibrationResult {
   int schema_version = 1;
@@ -109,6 +121,7 @@ struct CalibrationResult {
   std::vector<std::string> missing;  ///< What the goal lacks, a sentence each; empty if goal_met.
   BoardSpec board;
   std::vector<CameraResult> cameras;
+  std::vector<CameraPair> camera_pairs;  ///< The first camera with each of the others that see the board with it.
   double motion_time_s = 0.0;        ///< First to last motion, tilt search included.
   double tilt_time_s = 0.0;          ///< Of which tilt search.
   int observations = 0;

@@ -23,6 +23,8 @@ struct Belief {
 struct PlanOptions {
   std::vector<double> distances_m;      ///< Wanted distances along the optical axis, near first.
   double tilt_rad = 0.6;                ///< Lean of tilted candidates; below every measured tilt limit.
+  double max_obliquity_rad = 1.3;       ///< Largest angle between the board's normal and the line of sight to
+                                        ///< its centre: toward the image's edge a lean counts double.
   double roll_rad = 0.35;               ///< Turn in the image of rolled candidates.
   double image_margin_px = 24.0;        ///< Kept between the squares' outline and the image border.
   double min_singular_value = 0.03;     ///< Of the Jacobian on the way; below it the arm is near singular.
@@ -46,7 +48,7 @@ struct NextView {
 /// the one that fills most of what is missing for its travel time.
 ///
 /// @param start_q the start pose, from which views that are blocked now are tried.
-/// @param tried goals that failed before; candidates close to them are not proposed again.
+/// @param tried goals driven to before; candidates close to them are not proposed again.
 [[nodiscard]] NextView nextView(const coverage::Coverage& coverage, const Belief& belief,
                                 const BoardSpec& board, const robot::Guard& guard,
                                 const Eigen::VectorXd& current_q, const Eigen::VectorXd& start_q,

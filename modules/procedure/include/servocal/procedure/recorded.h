@@ -24,11 +24,12 @@ struct SolveOverrides {
 /// @throws Error (kBadData) if an image cannot be read.
 std::vector<Observation> detectImages(const session::ImageSet& images);
 
-/// A folder of images, from manifest to result.
+/// The images of one camera, or of several that took them together, from manifest to result. All have one
+/// lens model.
 /// @throws Error as detectImages; (kBadData) also if robot poses and images contradict each other, or if a board
 ///   with rows and columns swapped, or one square larger each way, is what the images show. The message says
 ///   which mistake makes them agree, if one does.
-CalibrationResult solveImages(const session::ImageSet& images, const SolveOverrides& overrides = {});
+CalibrationResult solveImages(const std::vector<session::ImageSet>& cameras, const SolveOverrides& overrides = {});
 
 /// A recorded session, from its stored detections; mount and robot accuracy are those of its cell file.
 /// @throws Error (kNothingToDo) if it holds no observation, (kBadData) if it cannot be read or robot poses and

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include <optional>
+#include <map>
+#include <string>
 #include <vector>
 
 #include "servocal/calib/diagnose.h"
@@ -19,14 +20,14 @@ struct SolveOptions {
   Mount mount = Mount::kFixed;
   double robot_sigma_m = 0.0003;    ///< Declared robot noise per axis and stop.
   double robot_sigma_rad = 0.0005;
-  std::optional<CameraModel> given_intrinsics;  ///< Believed instead of solved, for every camera.
+  std::map<std::string, CameraModel> given_intrinsics;  ///< By camera; believed instead of solved.
   std::string poses_from = "the robot poses";   ///< What robot poses are called in messages.
   std::vector<calib::RobotReading> readings;    ///< Tried to explain a contradiction; see explainContradiction.
   bool refuse_contradictions = false;           ///< Throw where robot and images contradict each other.
 };
 
 /// Solves a set of observations, live or recorded: for every camera that occurs in them, Zhang's
-/// intrinsics, then, where there are robot poses, the hand-eye. What cannot be determined is missing from
+/// intrinsics, then, where there are robot poses, the hand-eye; and the poses of the other cameras in the first. What cannot be determined is missing from
 /// the result and named in CalibrationResult::missing; goal_met says whether nothing is. An observation
 /// without any view (no board in its image) is listed among the views that were not used. Where views were
 /// left out, the result with them stands beside (CameraResult::intrinsics_with_outliers).

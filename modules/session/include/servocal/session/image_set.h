@@ -46,6 +46,11 @@ struct ImageSet {
   std::vector<PoseReading> other_readings;
 };
 
+/// As loadImageSet, for a manifest that may also describe several cameras (a list `cameras`, the rest in
+/// common): one set for each. Images of equal index were taken at the same moment; all sets have equally many.
+/// @throws Error as loadImageSet; (kBadData) if the cameras have different numbers of images.
+std::vector<ImageSet> loadImageSets(const std::filesystem::path& manifest, const std::filesystem::path& root = {});
+
 /// Reads a manifest (YAML; docs/manifest.md) and everything it points to but the pixels. Relative paths
 /// start at `root`, or at the manifest's folder if `root` is empty. Knows no detector: an image without a
 /// board is found out later, and drops out together with its pose.
