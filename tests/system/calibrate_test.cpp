@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kDegree = M_PI / 180.0;
 
-/// The limits that every run must hold; medians and more seeds are in tests/bench/first_light_bench.
+/// The limits that every run must hold; medians and more seeds are in tests/bench/calibrate_bench.
 void expectGood(const test::Trial& trial) {
   EXPECT_TRUE(trial.result.goal_met);
   for (const std::string& missing : trial.result.missing) ADD_FAILURE() << missing;

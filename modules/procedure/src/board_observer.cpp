@@ -20,14 +20,23 @@ servo::Look BoardObserver::look(Instant deadline) {
   const auto seen = see(deadline);
   if (!seen) return look;
   look.frame = seen->frame.stamp;
-  // A turned board would turn the servo error: without the mark there is no sight.
-  if (!seen->detection || !seen->detection->orientation_known) return look;
-  const auto cMo = poseOf(*seen->detection);
+  if (!seen->detection || !isUsable(*seen->detection)) return look;
+  const auto cMo = poseOf(*seen->detection, seen->frame.stamp);
   if (!cMo) return look;
   servo::Sight sight;
   sight.stamp = seen->frame.stamp;
   sight.cMo = *cMo;
-  for (const Corner& corner : seen->detection->corners) sight.pixels.push_back(corner.pixel);
+  // The control law wants every point of the target; those not seen are where the pose puts them.
+  auto corner = seen->detection->corners.begin();
+  for (int id = 0; id < board_.cornerCount(); ++id) {
+    if (corner != seen->detection->corners.end() && corner->id == id) {
+      sight.pixels.push_back((corner++)->pixel);
+    } else if (const auto predicted = model_.project(*cMo * board_.corner(id))) {
+      sight.pixels.push_back(*predicted);
+    } else {
+      return look;
+    }
+  }
   look.sight = std::move(sight);
   return look;
 }
@@ -36,21 +45,28 @@ std::optional<SeenFrame> BoardObserver::see(Instant deadline) {
   auto frame = camera_.next(Stream::kColor, deadline);
   if (!frame) return std::nullopt;
   SeenFrame seen;
-  seen.detection = detector_.detect(frame->image);
+  seen.detection = detector_.track(frame->image);
+  if (!seen.detection) seen.detection = detector_.detect(frame->image);
   seen.frame = std::move(*frame);
   return seen;
 }
 
-std::optional<Pose<Color, Board>> BoardObserver::poseOf(const BoardDetection& detection) {
+bool BoardObserver::isUsable(const BoardDetection& detection) const {
+  // A turned board would turn the servo error: without a known orientation there is no sight.
+  return detection.orientation_known && 2 * static_cast<int>(detection.corners.size()) >= board_.cornerCount();
+}
+
+std::optional<Pose<Color, Board>> BoardObserver::poseOf(const BoardDetection& detection, Instant stamp) {
   const auto poses = calib::boardPoses(board_, model_, detection);
   if (poses.empty()) return std::nullopt;
   std::size_t best = 0;
-  if (poses.size() > 1 && last_pose_ && poses[0].rms_px > kClearlyBetter * poses[1].rms_px &&
-      angleRad(poses[1].cMo, *last_pose_) < angleRad(poses[0].cMo, *last_pose_)) {
-    best = 1;
+  if (poses.size() > 1 && poses[0].rms_px > kClearlyBetter * poses[1].rms_px) {
+    const auto expected = predict_ ? predict_(stamp) : std::nullopt;
+    const auto& near = expected ? expected : last_pose_;
+    if (near && angleRad(poses[1].cMo, *near) < angleRad(poses[0].cMo, *near)) best = 1;
   }
   last_pose_ = poses[best].cMo;
-  return poses[best].cMo;
+  return last_pose_;
 }
 
 }  // namespace servocal::procedure

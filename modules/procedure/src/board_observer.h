@@ -2,8 +2,10 @@
 // Turns a camera's frames into sights of the board, for the servo loop and for observations.
 #pragma once
 
+#include <functional>
 #include <opencv2/core/mat.hpp>
 #include <optional>
+#include <utility>
 
 #include "servocal/board/detector.h"
 #include "servocal/core/board_spec.h"
@@ -26,9 +28,17 @@ class BoardObserver final : public servo::Observer {
   servo::Look look(Instant deadline) override;
   /// The next frame with its detection; nothing if no frame came until `deadline`.
   std::optional<SeenFrame> see(Instant deadline);
-  /// Board pose of a detection in the current camera model; the planar solution that fits better, or of
-  /// two that fit alike the one nearer to the last pose.
-  std::optional<Pose<Color, Board>> poseOf(const BoardDetection& detection);
+  /// True if a detection can steer the arm and be an observation: its orientation is known, and of a board
+  /// that may be seen in part, at least half is.
+  bool isUsable(const BoardDetection& detection) const;
+  /// Board pose of a detection made at `stamp`, in the current camera model; the planar solution that fits
+  /// better, or of two that fit alike the one the robot predicts, or without a prediction the one nearer to
+  /// the last pose.
+  std::optional<Pose<Color, Board>> poseOf(const BoardDetection& detection, Instant stamp);
+
+  /// Where the robot says the board is in the camera, once the hand-eye is known.
+  using Prediction = std::function<std::optional<Pose<Color, Board>>(Instant stamp)>;
+  void setPrediction(Prediction prediction) { predict_ = std::move(prediction); }
 
   void setModel(const CameraModel& model) { model_ = model; }
   const CameraModel& model() const { return model_; }
@@ -38,6 +48,7 @@ class BoardObserver final : public servo::Observer {
   sensor::RgbdCamera& camera_;
   CameraModel model_;
   board::Detector detector_;
+  Prediction predict_;
   std::optional<Pose<Color, Board>> last_pose_;
 };
 

@@ -25,8 +25,11 @@ double marginPx(const BoardDetection& detection, const CameraModel& camera) {
 
 double largestMotionPx(const BoardDetection& from, const BoardDetection& to) {
   double motion = 0.0;
-  for (std::size_t i = 0; i < std::min(from.corners.size(), to.corners.size()); ++i) {
-    motion = std::max(motion, (from.corners[i].pixel - to.corners[i].pixel).norm());
+  auto before = from.corners.begin();
+  for (const Corner& after : to.corners) {
+    while (before != from.corners.end() && before->id < after.id) ++before;
+    if (before == from.corners.end()) break;
+    if (before->id == after.id) motion = std::max(motion, (before->pixel - after.pixel).norm());
   }
   return motion;
 }
@@ -38,7 +41,7 @@ std::optional<BoardDetection> seeBoard(Run& run) {
   while (run.clock().now() < deadline) {
     const auto seen = run.observer().see(deadline);
     if (!seen) return std::nullopt;
-    if (seen->frame.stamp > rest && seen->detection && seen->detection->orientation_known) {
+    if (seen->frame.stamp > rest && seen->detection && run.observer().isUsable(*seen->detection)) {
       return seen->detection;
     }
   }

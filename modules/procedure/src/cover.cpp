@@ -54,10 +54,10 @@ CoverResult cover(Run& run, const std::vector<TiltLimit>& tilt_limits) {
     bool helped = false;
     if (visit.observation) {
       ++result.views;
-      const BoardDetection& detection = visit.observation->views.front().detection;
+      const StreamObservation& seen = visit.observation->views.front();
       std::vector<Eigen::Vector2d> pixels;
-      for (const Corner& corner : detection.corners) pixels.push_back(corner.pixel);
-      if (const auto cMo = run.observer().poseOf(detection)) {
+      for (const Corner& corner : seen.detection.corners) pixels.push_back(corner.pixel);
+      if (const auto cMo = run.observer().poseOf(seen.detection, seen.stamp)) {
         helped = coverage.missingCorners(pixels) + coverage.missingMarginals(*cMo) > 0;
         coverage.add(pixels, *cMo);
       }

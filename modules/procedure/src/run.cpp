@@ -2,6 +2,7 @@
 #include "run.h"
 
 #include <cmath>
+#include <map>
 
 #include "servocal/calib/intrinsics.h"
 #include "servocal/core/error.h"
@@ -21,15 +22,27 @@ CameraModel nominalModel(const CameraConfig& camera) {
   return CameraModel::fromFieldOfView(camera.width_px, camera.height_px, camera.horizontal_fov_rad);
 }
 
-/// Mean of several detections of the same board; the noise of a corner is only partly independent from
-/// frame to frame (the pattern sits on the same pixels), so its covariance is not divided by the count.
+/// Mean of several detections of the same board, of the corners that most of them hold; the noise of a
+/// corner is only partly independent from frame to frame (the pattern sits on the same pixels), so its
+/// covariance is not divided by the count.
 BoardDetection average(const std::vector<BoardDetection>& detections) {
-  BoardDetection mean = detections.front();
-  for (std::size_t i = 0; i < mean.corners.size(); ++i) {
-    Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-    for (const BoardDetection& detection : detections) sum += detection.corners[i].pixel;
-    mean.corners[i].pixel = sum / detections.size();
-    mean.corners[i].covariance_px2 /= std::sqrt(double(detections.size()));
+  std::map<int, std::vector<const Corner*>> by_id;
+  for (const BoardDetection& detection : detections) {
+    for (const Corner& corner : detection.corners) by_id[corner.id].push_back(&corner);
+  }
+  BoardDetection mean;
+  mean.orientation_known = true;
+  for (const auto& [id, seen] : by_id) {
+    if (2 * seen.size() <= detections.size()) continue;
+    Corner corner{id, Eigen::Vector2d::Zero(), Eigen::Matrix2d::Zero()};
+    for (const Corner* one : seen) {
+      corner.pixel += one->pixel;
+      corner.covariance_px2 += one->covariance_px2;
+    }
+    const auto count = static_cast<double>(seen.size());
+    corner.pixel /= count;
+    corner.covariance_px2 /= count * std::sqrt(count);
+    mean.corners.push_back(corner);
   }
   return mean;
 }
@@ -38,7 +51,12 @@ BoardDetection average(const std::vector<BoardDetection>& detections) {
 
 Run::Run(const CellConfig& cell, const Devices& devices, session::Session& session, const EventSink& on_event)
     : cell_(cell), devices_(devices), session_(session), on_event_(on_event),
-      observer_(cell.board, *devices.cameras.front(), nominalModel(cell.cameras.front())) {}
+      observer_(cell.board, *devices.cameras.front(), nominalModel(cell.cameras.front())) {
+  observer_.setPrediction([this](Instant stamp) -> std::optional<Pose<Color, Board>> {
+    if (!hand_eye_) return std::nullopt;
+    return bMc().inverse() * guard().stateAt(stamp).bMe * eMo();
+  });
+}
 
 std::optional<Observation> Run::observe(const std::string& stage) {
   throwIfStopped();
@@ -55,7 +73,7 @@ std::optional<Observation> Run::observe(const std::string& stage) {
     if (!seen) break;
     if (seen->frame.stamp < first_stamp) continue;
     ++tried;
-    const bool usable = seen->detection && seen->detection->orientation_known;
+    const bool usable = seen->detection && observer_.isUsable(*seen->detection);
     if (!usable && tried - static_cast<int>(detections.size()) > kFramesTried - kMinFramesPerStop) break;
     if (!usable) continue;
     detections.push_back(*seen->detection);

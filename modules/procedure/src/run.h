@@ -17,6 +17,9 @@ class Run {
  public:
   Run(const CellConfig& cell, const Devices& devices, session::Session& session, const EventSink& on_event);
 
+  Run(const Run&) = delete;  // The observer asks this very object where the board is.
+  Run& operator=(const Run&) = delete;
+
   /// Takes an observation: waits until the arm stands still, averages a few frames taken since, stores it
   /// and updates the belief. Nothing if the board is not seen in most of them.
   std::optional<Observation> observe(const std::string& stage);

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
+#include <variant>
 
 namespace servocal::sim {
 namespace {
@@ -45,7 +46,11 @@ void addSegment(const Eigen::Vector2d& p, const Eigen::Vector2d& q, int width, s
 }  // namespace
 
 BoardLayer::BoardLayer(const BoardSpec& board, const Lens& lens, const RayTable& rays, const Light& light)
-    : board_(board), lens_(lens), rays_(rays), light_(light) {}
+    : board_(board), unit_m_(board.spacing()), lens_(lens), rays_(rays), light_(light) {
+  if (board.as<Checkerboard>()) return;
+  ink_.emplace(board);
+  unit_m_ = ink_->texel_m();
+}
 
 void BoardLayer::outline(const Eigen::Isometry3d& cMo, std::vector<Span>& spans) const {
   spans.assign(static_cast<std::size_t>(lens_.height_px), Span{});
@@ -103,7 +108,7 @@ void BoardLayer::shade(const Eigen::Isometry3d& cMo, const cv::Rect& box) {
   const auto onBoard = [&](int u, int v) -> Eigen::Vector2d {
     const Eigen::Vector3d ray(rays_.xRow(v)[u], rays_.yRow(v)[u], 1.0);
     const Eigen::Vector3d point = rotation_inverse * (ray * (depth / normal.dot(ray)) - cMo.translation());
-    return point.head<2>() / board_.spacing();
+    return point.head<2>() / unit_m_;
   };
   nodes_.create(box.height / kNodeStep + 2, box.width / kNodeStep + 2, CV_32FC4);
   for (int row = 0; row < nodes_.rows; ++row) {
@@ -129,18 +134,12 @@ void BoardLayer::shade(const Eigen::Isometry3d& cMo, const cv::Rect& box) {
   }
 }
 
-void BoardLayer::add(const Eigen::Isometry3d& cMo, const std::vector<Span>& spans, float weight) {
-  shade(cMo, box_);
+BoardPattern BoardLayer::squaresSeen(const Eigen::Isometry3d& cMo) const {
   const Checkerboard& squares = *board_.as<Checkerboard>();
-  Eigen::Matrix3d plane;
-  plane << cMo.linear().col(0) * squares.square_size_m, cMo.linear().col(1) * squares.square_size_m,
-      cMo * Eigen::Vector3d(-0.5 * squares.squares_x * squares.square_size_m,
-                            -0.5 * squares.squares_y * squares.square_size_m, 0.0);
-  const Eigen::Matrix3d from_ray = plane.inverse();
   const bool front = seenFromFront(cMo);
   const bool hollow = squares.hollow_corner && front;
   BoardPattern pattern{};
-  for (int i = 0; i < 9; ++i) pattern.from_ray[i] = static_cast<float>(from_ray(i / 3, i % 3));
+  fromRay(cMo, board_.patternOutline().front(), pattern.from_ray);
   pattern.squares_x = static_cast<float>(squares.squares_x);
   pattern.squares_y = static_cast<float>(squares.squares_y);
   pattern.margin = static_cast<float>(board_.margin_m / squares.square_size_m);
@@ -149,6 +148,33 @@ void BoardLayer::add(const Eigen::Isometry3d& cMo, const std::vector<Span>& span
   pattern.plate = static_cast<float>(front ? kWhiteGray : kBackGray);
   pattern.white = pattern.plate;
   pattern.black = static_cast<float>(front ? kBlackGray : kBackGray);
+  return pattern;
+}
+
+InkPattern BoardLayer::inkSeen(const Eigen::Isometry3d& cMo) const {
+  const bool front = seenFromFront(cMo);
+  InkPattern pattern{};
+  fromRay(cMo, board_.outline().front(), pattern.from_ray);
+  pattern.integral = ink_->integral();
+  pattern.width = ink_->width();
+  pattern.height = ink_->height();
+  pattern.white = static_cast<float>(front ? kWhiteGray : kBackGray);
+  pattern.black = static_cast<float>(front ? kBlackGray : kBackGray);
+  return pattern;
+}
+
+void BoardLayer::fromRay(const Eigen::Isometry3d& cMo, const Eigen::Vector3d& origin_o, float (&from_ray)[9]) const {
+  Eigen::Matrix3d plane;
+  plane << cMo.linear().col(0) * unit_m_, cMo.linear().col(1) * unit_m_, cMo * origin_o;
+  const Eigen::Matrix3d inverse = plane.inverse();
+  for (int i = 0; i < 9; ++i) from_ray[i] = static_cast<float>(inverse(i / 3, i % 3));
+}
+
+void BoardLayer::add(const Eigen::Isometry3d& cMo, const std::vector<Span>& spans, float weight) {
+  shade(cMo, box_);
+  std::variant<BoardPattern, InkPattern> pattern;
+  if (ink_) pattern = inkSeen(cMo);
+  else pattern = squaresSeen(cMo);
 
   std::array<std::vector<float>, 4> ramps;
   for (auto& ramp : ramps) ramp.resize(static_cast<std::size_t>(nodes_.cols) * kNodeStep);
@@ -174,7 +200,11 @@ void BoardLayer::add(const Eigen::Isometry3d& cMo, const std::vector<Span>& span
     const BoardRow row{spans[v].end - begin,      rays_.xRow(v) + begin,   rays_.yRow(v) + begin,
                        ramps[0].data() + shift, ramps[1].data() + shift, ramps[2].data() + shift,
                        ramps[3].data() + shift};
-    addBoardRow(pattern, row, weight, color_.ptr<float>(offset) + shift, alpha_.ptr<float>(offset) + shift);
+    std::visit(
+        [&](const auto& seen) {
+          addBoardRow(seen, row, weight, color_.ptr<float>(offset) + shift, alpha_.ptr<float>(offset) + shift);
+        },
+        pattern);
   }
 }
 

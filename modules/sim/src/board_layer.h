@@ -3,8 +3,10 @@
 
 #include <Eigen/Geometry>
 #include <opencv2/core/mat.hpp>
+#include <optional>
 #include <vector>
 
+#include "ink_map.h"
 #include "lens.h"
 #include "pixel_kernels.h"
 #include "servocal/core/board_spec.h"
@@ -50,9 +52,15 @@ class BoardLayer {
   void outline(const Eigen::Isometry3d& cMo, std::vector<Span>& spans) const;
   void pad(int by);
   void shade(const Eigen::Isometry3d& cMo, const cv::Rect& box);
+  BoardPattern squaresSeen(const Eigen::Isometry3d& cMo) const;
+  InkPattern inkSeen(const Eigen::Isometry3d& cMo) const;
+  /// Takes a ray (x, y, 1) to pattern coordinates that start at `origin_o`.
+  void fromRay(const Eigen::Isometry3d& cMo, const Eigen::Vector3d& origin_o, float (&from_ray)[9]) const;
   void add(const Eigen::Isometry3d& cMo, const std::vector<Span>& spans, float weight);
 
   BoardSpec board_;
+  std::optional<InkMap> ink_;  ///< Of any print but a checkerboard's, which has a closed form.
+  double unit_m_;              ///< Of the pattern's coordinates.
   Lens lens_;
   const RayTable& rays_;
   Light light_;

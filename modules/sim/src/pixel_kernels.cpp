@@ -2,6 +2,7 @@
 #include "pixel_kernels.h"
 
 #include <cmath>
+#include <cstddef>
 
 namespace servocal::sim {
 namespace {
@@ -26,6 +27,19 @@ inline float triangle(float t) {
 inline float wave(float x, float half, float per_width, float high) {
   const float from = clamped(x - half, 0.0F, high), to = clamped(x + half, 0.0F, high);
   return (triangle(to) - triangle(from)) * per_width;
+}
+
+// Ink from the origin to (u, v); linear inside a texel, so that box averages come out exact.
+inline double inkTo(const InkPattern& p, float u, float v) {
+  const float x = clamped(u, 0.0F, static_cast<float>(p.width));
+  const float y = clamped(v, 0.0F, static_cast<float>(p.height));
+  const int column = smaller(x, static_cast<float>(p.width - 1)), row = smaller(y, static_cast<float>(p.height - 1));
+  const double right = x - static_cast<float>(column), down = y - static_cast<float>(row);
+  const std::int32_t* above = p.integral + static_cast<std::ptrdiff_t>(row) * (p.width + 1) + column;
+  const std::int32_t* below = above + p.width + 1;
+  const double upper = above[0] + right * (above[1] - above[0]);
+  const double lower = below[0] + right * (below[1] - below[0]);
+  return upper + down * (lower - upper);
 }
 
 }  // namespace
@@ -58,6 +72,28 @@ void addBoardRow(const BoardPattern& pattern, const BoardRow& row, float weight,
     const float dark = 0.5F * (squares + checker) - hollow;
     const float gray = p.plate * (plate - squares) + p.white * squares + (p.black - p.white) * dark;
     color[i] += weight * (gray * light[i] + plate * highlight[i]);
+    alpha[i] += weight * plate;
+  }
+}
+
+void addBoardRow(const InkPattern& pattern, const BoardRow& row, float weight, float* __restrict color,
+                 float* __restrict alpha) {
+  const InkPattern p = pattern;
+  const auto width = static_cast<float>(p.width), height = static_cast<float>(p.height);
+  for (int i = 0; i < row.count; ++i) {
+    const float x = row.ray_x[i], y = row.ray_y[i];
+    const float scale = 1.0F / (p.from_ray[6] * x + p.from_ray[7] * y + p.from_ray[8]);
+    const float u = (p.from_ray[0] * x + p.from_ray[1] * y + p.from_ray[2]) * scale;
+    const float v = (p.from_ray[3] * x + p.from_ray[4] * y + p.from_ray[5]) * scale;
+    const float half_u = 0.5F * row.footprint_u[i], half_v = 0.5F * row.footprint_v[i];
+    const float per_u = 1.0F / row.footprint_u[i], per_v = 1.0F / row.footprint_v[i];
+    const float plate = covered(u, half_u, per_u, 0.0F, width) * covered(v, half_v, per_v, 0.0F, height);
+    if (!(plate > 0.0F)) continue;
+    const double ink = inkTo(p, u + half_u, v + half_v) - inkTo(p, u - half_u, v + half_v) -
+                       inkTo(p, u + half_u, v - half_v) + inkTo(p, u - half_u, v - half_v);
+    const float dark = static_cast<float>(ink) * (per_u * per_v / 255.0F);
+    const float gray = p.white * plate + (p.black - p.white) * dark;
+    color[i] += weight * (gray * row.light[i] + plate * row.highlight[i]);
     alpha[i] += weight * plate;
   }
 }

@@ -16,12 +16,21 @@ struct BoardPattern {
   float white, black, plate;      ///< Gray in full light; `plate` is the rim's.
 };
 
+/// Any other print: how much of it is ink, summed up. Units are texels, origin at the plate's upper left.
+struct InkPattern {
+  float from_ray[9];             ///< As BoardPattern's.
+  const std::int32_t* integral;  ///< (height + 1) x (width + 1); ink from the origin to a texel's upper left,
+                                 ///< 255 per black texel.
+  int width, height;             ///< Of the plate.
+  float white, black;
+};
+
 /// A stretch of one row. The light and the pixel's footprint vary smoothly and come precomputed.
 struct BoardRow {
   int count;
   const float* ray_x;
   const float* ray_y;
-  const float* footprint_u;  ///< Size of a pixel on the board along u, squares.
+  const float* footprint_u;  ///< Size of a pixel on the board along u, in the pattern's unit.
   const float* footprint_v;
   const float* light;        ///< Factor on the gray.
   const float* highlight;    ///< Gray added.
@@ -32,6 +41,7 @@ struct BoardRow {
 /// parallelogram.
 void addBoardRow(const BoardPattern& pattern, const BoardRow& row, float weight, float* color,
                  float* alpha);
+void addBoardRow(const InkPattern& pattern, const BoardRow& row, float weight, float* color, float* alpha);
 
 /// gray32: 32 times the gray value. sigma8: 8 times its noise. noise: standard deviation 32.
 void writeBackgroundRow(int count, const std::int16_t* gray32, const std::uint8_t* sigma8,

@@ -2,6 +2,8 @@
 // Rendered pixels against brute force, and the place of rendered corners against the truth.
 #include <gtest/gtest.h>
 
+#include <functional>
+#include <opencv2/aruco.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -63,17 +65,37 @@ double printedAt(const BoardSpec& spec, double x_m, double y_m) {
   return column == 0 && row == 0 && board.hollow_corner && inside ? 1 : 0;
 }
 
+/// The same for a grid of tags, whose cells come from OpenCV's copy of the codes.
+double printedAt(const TagGrid& grid, double margin_m, double x_m, double y_m) {
+  static const cv::Ptr<cv::aruco::Dictionary> codes =
+      cv::aruco::getPredefinedDictionary(cv::aruco::DICT_APRILTAG_36h11);
+  const double pitch = grid.tag_size_m + grid.tag_gap_m;
+  const double x = x_m + 0.5 * (grid.tags_x * pitch - grid.tag_gap_m);
+  const double y = y_m + 0.5 * (grid.tags_y * pitch - grid.tag_gap_m);
+  const double right = grid.tags_x * pitch - grid.tag_gap_m, low = grid.tags_y * pitch - grid.tag_gap_m;
+  if (x < -margin_m || y < -margin_m || x > right + margin_m || y > low + margin_m) return -1;
+  if (x < 0 || y < 0 || x >= right || y >= low) return 1;
+  const int column = static_cast<int>(x / pitch), row = static_cast<int>(y / pitch);
+  const double cell_m = grid.tag_size_m / 8;
+  const int i = static_cast<int>((x - column * pitch) / cell_m), j = static_cast<int>((y - row * pitch) / cell_m);
+  if (i >= 8 || j >= 8) return 1;
+  if (i == 0 || j == 0 || i == 7 || j == 7) return 0;
+  const int code = grid.first_id + (grid.tags_y - 1 - row) * grid.tags_x + column;  // From the lower left.
+  const cv::Mat bits = cv::aruco::Dictionary::getBitsFromByteList(codes->bytesList.rowRange(code, code + 1), 6);
+  return bits.at<uchar>(6 - j, 6 - i);  // OpenCV keeps these codes upside down.
+}
+
 // Sixteen by sixteen rays per pixel, each through OpenCV's undistortion: the slow, obvious way.
-TEST(Rendering, MatchesBruteForce) {
+void compareWithBruteForce(const BoardSpec& board, const std::function<double(double, double)>& print_at,
+                           double rms_gray) {
   const Lens lens = testLens();
-  const BoardSpec board;
   const cv::Matx33d matrix(lens.fx, 0, lens.cx, 0, lens.fy, lens.cy, 0, 0, 1);
   const std::vector<double> distortion = {lens.k1, lens.k2, lens.p1, lens.p2, lens.k3};
   const cv::TermCriteria exact(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 50, 1e-9);
   for (const double roll : {0.0, 0.5}) {
     const Eigen::Isometry3d cMo = boardPose(-0.35, 0.12, 0.8, 0.5, roll);
     const Eigen::Isometry3d oMc = cMo.inverse();
-    const cv::Mat image = rendered(cMo, flatLight(), idealCamera());
+    const cv::Mat image = rendered(cMo, flatLight(), idealCamera(), board);
     const Eigen::Vector2d first = lens.project(cMo * board.corner(0));
     const cv::Rect region(static_cast<int>(first.x()) - 40, static_cast<int>(first.y()) - 40, 90, 90);
     const int white = 255;  // Scaled below.
@@ -94,7 +116,7 @@ TEST(Rendering, MatchesBruteForce) {
           const Eigen::Vector3d direction = oMc.linear() * Eigen::Vector3d(ray.x, ray.y, 1.0);
           const Eigen::Vector3d eye = oMc.translation();
           const Eigen::Vector3d hit = eye - direction * eye.z() / direction.z();
-          const double print = printedAt(board, hit.x(), hit.y());
+          const double print = print_at(hit.x(), hit.y());
           on_plate &= print >= 0.0;
           sum += print;
         }
@@ -121,10 +143,50 @@ TEST(Rendering, MatchesBruteForce) {
       if (i > 0) misplaced += std::pow(actual[i - 1] - expected, 2);
     }
     const double rms = std::sqrt(sum / reference.size());
-    EXPECT_LT(rms, 1.5) << "roll " << roll;
+    EXPECT_LT(rms, rms_gray) << "roll " << roll;
     EXPECT_LT(worst, 25.0) << "roll " << roll;
     // Negative control: one pixel beside, the same measure is far off.
     EXPECT_GT(std::sqrt(misplaced / reference.size()), 10.0 * rms);
+  }
+}
+
+TEST(Rendering, MatchesBruteForce) {
+  const BoardSpec board;
+  compareWithBruteForce(board, [&](double x, double y) { return printedAt(board, x, y); }, 1.5);
+}
+
+TEST(Rendering, TagsMatchBruteForce) {
+  TagGrid tags;
+  tags.first_id = 100;
+  const BoardSpec board{tags, 0.01};
+  // A pixel is integrated as an upright box in board axes; only edges notice, and tags have many more.
+  compareWithBruteForce(board, [&](double x, double y) { return printedAt(tags, board.margin_m, x, y); },
+                        2.5);
+}
+
+// No reference knows circles: the centre of mass of each disc's ink is where its centre is seen. A disc seen
+// at a slant is not an ellipse about its centre; straight on it is.
+TEST(Rendering, DiscsLieWhereTheirCentresAre) {
+  const BoardSpec board{CircleGrid{4, 3, 0.04, 0.012, true, 1.5}, 0.02};
+  const Eigen::Isometry3d cMo = boardPose(0.0, 0.0, 0.6, 0.0, 0.2);
+  const cv::Mat image = rendered(cMo, flatLight(), idealCamera(), board);
+  for (int id = 0; id < board.cornerCount(); ++id) {
+    const Eigen::Vector2d centre = testLens().project(cMo * board.corner(id));
+    const int radius = 20;
+    const cv::Rect box(std::lround(centre.x()) - radius, std::lround(centre.y()) - radius, 2 * radius + 1,
+                       2 * radius + 1);
+    double sum = 0, x = 0, y = 0, white = 0;
+    cv::Mat patch;
+    image(box).convertTo(patch, CV_64F);
+    cv::minMaxLoc(patch, nullptr, &white);
+    for (int v = 0; v < patch.rows; ++v) {
+      for (int u = 0; u < patch.cols; ++u) {
+        const double ink = white - patch.at<double>(v, u);
+        sum += ink, x += ink * (box.x + u), y += ink * (box.y + v);
+      }
+    }
+    EXPECT_NEAR(x / sum, centre.x(), 0.1) << id;
+    EXPECT_NEAR(y / sum, centre.y(), 0.1) << id;
   }
 }
 
