@@ -130,8 +130,8 @@ std::optional<Line> fitLine(const cv::Mat& gray, const Vector2d& a, const Vector
 
     double n1 = 0, g1 = 0, n2 = 0, g2 = 0;
     for (const Sample& sample : samples) {
-      if (sample.d < -0.5 * band) n1 += 1, g1 += sample.gray;
-      if (sample.d > 0.5 * band) n2 += 1, g2 += sample.gray;
+      if (sample.d < -0.33 * band) n1 += 1, g1 += sample.gray;
+      if (sample.d > 0.33 * band) n2 += 1, g2 += sample.gray;
     }
     if (n1 < 3 || n2 < 3) return std::nullopt;
     double level = 0.5 * (g1 / n1 + g2 / n2), step = 0.5 * (g1 / n1 - g2 / n2);
