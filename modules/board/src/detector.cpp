@@ -18,7 +18,7 @@ std::unique_ptr<Finder> makeFinder(const BoardSpec& board) {
   if (board.as<Checkerboard>()) return makeCheckerboardFinder(board);
   if (board.as<TagGrid>()) return makeTagGridFinder(board);
   if (board.as<Charuco>()) return makeCharucoFinder(board);
-  throw std::invalid_argument("Detector: no finder for " + board.describe());
+  return makeCircleFinder(board);
 }
 
 }  // namespace

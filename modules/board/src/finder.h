@@ -24,6 +24,7 @@ class Finder {
 std::unique_ptr<Finder> makeCheckerboardFinder(const BoardSpec& board);
 std::unique_ptr<Finder> makeTagGridFinder(const BoardSpec& board);
 std::unique_ptr<Finder> makeCharucoFinder(const BoardSpec& board);
+std::unique_ptr<Finder> makeCircleFinder(const BoardSpec& board);
 
 /// CV_8UC1; the image itself if it is gray already.
 cv::Mat toGray(const cv::Mat& image);
