@@ -54,7 +54,7 @@ std::optional<double> edgeAlong(const cv::Mat& gray, const Vector2d& from, const
   const std::size_t third = std::max<std::size_t>(1, static_cast<std::size_t>(0.4 / step));
   for (std::size_t k = 0; k < third && k < profile.size(); ++k) dark += profile[k] / third;
   const double middle = 0.5 * (dark + brightest);
-  for (std::size_t k = 1; k < profile.size(); ++k) {
+  for (std::size_t k = third + 1; k < profile.size(); ++k) {  // Dirt near the centre is no edge.
     if (profile[k] < middle) continue;
     return step * (k - 1 + (middle - profile[k - 1]) / (profile[k] - profile[k - 1]));
   }
@@ -72,13 +72,25 @@ std::optional<Disc> fitDisc(const cv::Mat& gray, Vector2d centre, const Matrix2d
     Eigen::Matrix<double, 5, 5> normal = Eigen::Matrix<double, 5, 5>::Zero();
     Eigen::Matrix<double, 5, 1> right = Eigen::Matrix<double, 5, 1>::Zero();
     std::vector<Vector2d> points;
+    std::vector<double> reach;
     for (int k = 0; k < rays; ++k) {
       const double angle = 2 * M_PI * k / rays;
       const Vector2d unit(std::cos(angle), std::sin(angle));
       const auto t = edgeAlong(gray, centre, axes * unit, most);
       if (!t) continue;
-      const Vector2d p = *t * unit;
-      points.push_back(p);
+      points.push_back(*t * unit);
+      reach.push_back(*t);
+    }
+    if (static_cast<int>(points.size()) < std::max(8, 4 * rays / 5)) return std::nullopt;
+    // Dirt and highlights on the edge stand out from the rest of it.
+    std::vector<double> sorted = reach;
+    std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
+    const double usual = sorted[sorted.size() / 2];
+    std::vector<Vector2d> kept;
+    for (std::size_t k = 0; k < points.size(); ++k)
+      if (std::abs(reach[k] - usual) < 0.25 * usual) kept.push_back(points[k]);
+    points = std::move(kept);
+    for (const Vector2d& p : points) {
       Eigen::Matrix<double, 5, 1> row;
       row << p.x() * p.x(), p.x() * p.y(), p.y() * p.y(), p.x(), p.y();
       normal += row * row.transpose();
