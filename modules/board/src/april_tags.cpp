@@ -28,7 +28,8 @@ struct FreeDetections {
 
 class AprilTagReader final : public TagReader {
  public:
-  explicit AprilTagReader(int border_cells) : family_(tag36h11_create()), detector_(apriltag_detector_create()) {
+  explicit AprilTagReader(int border_cells)
+      : family_(tag36h11_create()), detector_(apriltag_detector_create()) {
     if (border_cells < 1 || border_cells > 2)
       throw std::invalid_argument("Detector: a tag's border is one or two cells wide");
     // The library's family has one cell of border; one more moves the code inwards.
@@ -67,16 +68,7 @@ class AprilTagReader final : public TagReader {
     return tags;
   }
 
-  int cellsAcross() const override { return family_->width_at_border; }
-
-  std::vector<TagCell> cells(int code) const override {
-    std::vector<TagCell> cells;
-    for (uint32_t k = 0; k < family_->nbits; ++k) {
-      const bool white = (family_->codes[code] >> (family_->nbits - 1 - k)) & 1;
-      cells.push_back({static_cast<int>(family_->bit_x[k]), static_cast<int>(family_->bit_y[k]), white});
-    }
-    return cells;
-  }
+  double cornerErrorPx(int) const override { return 0.0; }  // Edges are refined.
 
  private:
   std::unique_ptr<apriltag_family_t, FreeFamily> family_;  // Outlives the detector, which refers to it.

@@ -87,8 +87,10 @@ bool collect(const cv::Mat& gray, const CornerGuess& guess, const Vector2d& norm
       const double v = to_grid(1, 0) * dx + to_grid(1, 1) * dy;
       if (std::abs(u) > half_u || std::abs(v) > half_v) continue;
       if (std::abs(v) * apart_u > band_u && std::abs(u) * apart_v > band_v) continue;
-      if (guess.hollow_quadrant.x() * u > hollow_u && guess.hollow_quadrant.y() * v > hollow_v &&
-          guess.hollow_quadrant.x() != 0)
+      const double in_u = guess.hollow_quadrant.x() * u, in_v = guess.hollow_quadrant.y() * v;
+      if (guess.hollow_quadrant.x() != 0 &&
+          ((in_u > hollow_u && in_v > hollow_v) ||
+           (guess.hollow_opposite && -in_u > hollow_u && -in_v > hollow_v)))
         continue;
       samples.push_back({dx, dy, static_cast<double>(row[x])});
     }

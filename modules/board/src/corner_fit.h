@@ -19,6 +19,7 @@ struct CornerGuess {
   /// `hollow_start` squares from the corner; (0,0): none.
   Eigen::Vector2i hollow_quadrant = {0, 0};
   double hollow_start = 0.2;
+  bool hollow_opposite = false;  ///< The opposite quadrant holds one too (the markers of a ChArUco board).
 };
 
 /// A corner as measured.

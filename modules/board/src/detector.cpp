@@ -17,7 +17,8 @@ void requireImage(const cv::Mat& image) {
 std::unique_ptr<Finder> makeFinder(const BoardSpec& board) {
   if (board.as<Checkerboard>()) return makeCheckerboardFinder(board);
   if (board.as<TagGrid>()) return makeTagGridFinder(board);
-  throw std::invalid_argument("Detector: no finder for " + board.describe());
+  if (board.as<Charuco>()) return makeCharucoFinder(board);
+  return makeCircleFinder(board);
 }
 
 }  // namespace

@@ -23,6 +23,8 @@ class Finder {
 /// @throws std::invalid_argument if the board is not of that kind or cannot be detected.
 std::unique_ptr<Finder> makeCheckerboardFinder(const BoardSpec& board);
 std::unique_ptr<Finder> makeTagGridFinder(const BoardSpec& board);
+std::unique_ptr<Finder> makeCharucoFinder(const BoardSpec& board);
+std::unique_ptr<Finder> makeCircleFinder(const BoardSpec& board);
 
 /// CV_8UC1; the image itself if it is gray already.
 cv::Mat toGray(const cv::Mat& image);

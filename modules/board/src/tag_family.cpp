@@ -13,7 +13,8 @@ namespace servocal::board {
 namespace {
 
 cv::Mat aprilTagCells(int code, int border_bits) {
-  const std::unique_ptr<apriltag_family_t, void (*)(apriltag_family_t*)> family(tag36h11_create(), tag36h11_destroy);
+  const std::unique_ptr<apriltag_family_t, void (*)(apriltag_family_t*)> family(tag36h11_create(),
+                                                                                tag36h11_destroy);
   if (code < 0 || code >= static_cast<int>(family->ncodes))
     throw std::invalid_argument("tag family 36h11 has no code " + std::to_string(code));
   const int side = family->width_at_border + 2 * (border_bits - 1);
@@ -41,7 +42,8 @@ int arucoDictionary(const std::string& name) {
 
 cv::Mat tagCells(const std::string& family, int code, int border_bits) {
   if (family == "apriltag_36h11") return aprilTagCells(code, border_bits);
-  const cv::Ptr<cv::aruco::Dictionary> dictionary = cv::aruco::getPredefinedDictionary(arucoDictionary(family));
+  const cv::Ptr<cv::aruco::Dictionary> dictionary =
+      cv::aruco::getPredefinedDictionary(arucoDictionary(family));
   if (code < 0 || code >= dictionary->bytesList.rows)
     throw std::invalid_argument("dictionary " + family + " has no code " + std::to_string(code));
   cv::Mat cells;

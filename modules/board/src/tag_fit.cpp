@@ -16,11 +16,13 @@ namespace {
 using Eigen::Matrix2d;
 using Eigen::Vector2d;
 
-constexpr double kMaxLength = 40.0;   // px of a side per line; longer, and a lens' curvature shows.
-constexpr double kMinStep = 12.0;     // Gray levels between black and white.
+constexpr double kMaxLength = 40.0;  // px of a side per line; longer, and a lens' curvature shows.
+constexpr double kMinBand = 1.55;    // px beside a line; fewer may be a single row of pixels.
+constexpr double kMinStep = 12.0;    // Gray levels between black and white.
 constexpr double kMinBlur = 0.45, kMaxBlur = 8.0;  // px
-constexpr double kClear = 2.3;        // Of blur: nearer than this, the cells of the code show through.
-constexpr double kFloorPx = 0.01;     // Below this, print and lens decide, not noise.
+constexpr double kClear = 2.3;  // Of blur: nearer than this, the cells of the code show through.
+constexpr double kLeakPull = 0.5;
+constexpr double kFloorPx = 0.01;  // Below this, print and lens decide, not noise.
 
 /// A line measured along a piece of a side. Its distance from the guess, towards the inside of the tag, is
 /// offset + slope * (distance from `middle`, along the side).
@@ -43,8 +45,8 @@ bool inside(const cv::Mat& gray, const Vector2d& p) {
 }
 
 /// Where, within `search` px, brightness falls most towards the inside, on the mean along a to b.
-std::optional<double> steepest(const cv::Mat& gray, const Vector2d& a, const Vector2d& b, const Vector2d& inwards,
-                               double search) {
+std::optional<double> steepest(const cv::Mat& gray, const Vector2d& a, const Vector2d& b,
+                               const Vector2d& inwards, double search) {
   constexpr int kPlaces = 12;
   const int reach = static_cast<int>(std::ceil(search)) + 1;
   std::vector<double> profile;
@@ -74,8 +76,8 @@ struct Sample {
 };
 
 /// The pixels within `band` px of the line through `middle`, up to `half` px along it either way.
-void collect(const cv::Mat& gray, const Vector2d& middle, const Vector2d& along, const Vector2d& inwards, double half,
-             double band, std::vector<Sample>& samples) {
+void collect(const cv::Mat& gray, const Vector2d& middle, const Vector2d& along, const Vector2d& inwards,
+             double half, double band, std::vector<Sample>& samples) {
   samples.clear();
   const Vector2d reach = half * along.cwiseAbs() + band * inwards.cwiseAbs();
   const int y0 = std::max(0, static_cast<int>(std::ceil(middle.y() - reach.y())));
@@ -106,8 +108,8 @@ void collect(const cv::Mat& gray, const Vector2d& middle, const Vector2d& along,
 }
 
 /// Fits the line near a to b. `border`: width of the black border, px; `blur`: a first guess, px.
-std::optional<Line> fitLine(const cv::Mat& gray, const Vector2d& a, const Vector2d& b, double border, double blur,
-                            double max_shift) {
+std::optional<Line> fitLine(const cv::Mat& gray, const Vector2d& a, const Vector2d& b, double border,
+                            double blur, double max_shift) {
   static const ErrorFunction error_function;
   thread_local std::vector<Sample> samples;
   Line line;
@@ -122,14 +124,14 @@ std::optional<Line> fitLine(const cv::Mat& gray, const Vector2d& a, const Vector
   using Normal = Eigen::Matrix<double, 5, 5>;
   for (int pass = 0; pass < 3; ++pass) {
     line.inwards = Vector2d(-line.along.y(), line.along.x());
-    const double band = std::max(1.3, std::min(3.0 * blur + 0.7, border - kClear * blur));
+    const double band = std::max(kMinBand, std::min(3.0 * blur + 0.7, border - kClear * blur));
     collect(gray, line.middle, line.along, line.inwards, half, band, samples);
     if (samples.size() < 12) return std::nullopt;
 
     double n1 = 0, g1 = 0, n2 = 0, g2 = 0;
     for (const Sample& sample : samples) {
-      if (sample.d < -0.5 * band) n1 += 1, g1 += sample.gray;
-      if (sample.d > 0.5 * band) n2 += 1, g2 += sample.gray;
+      if (sample.d < -0.33 * band) n1 += 1, g1 += sample.gray;
+      if (sample.d > 0.33 * band) n2 += 1, g2 += sample.gray;
     }
     if (n1 < 3 || n2 < 3) return std::nullopt;
     double level = 0.5 * (g1 / n1 + g2 / n2), step = 0.5 * (g1 / n1 - g2 / n2);
@@ -179,6 +181,10 @@ std::optional<Line> fitLine(const cv::Mat& gray, const Vector2d& a, const Vector
     line.white = level + step;
     const Normal full = normal.selfadjointView<Eigen::Lower>();
     line.covariance = std::max(variance, 0.1) * full.inverse().block<2, 2>(2, 2);
+    // Where the border is thin for its blur, the cells of the code show through at the band's inner end, as
+    // much as this at most, and pull the line by about as much of the blur (measured on rendered tags).
+    const double leak = std::erfc((border - band) / (blur * M_SQRT2));
+    line.covariance(0, 0) += std::pow(kLeakPull * leak * blur, 2);
     if (2 * step < kMinStep || !line.covariance.allFinite()) return std::nullopt;
     if (std::abs(offset) + half * std::abs(slope) < 0.15) break;
   }
@@ -194,11 +200,17 @@ double varianceAt(const Line& line, const Vector2d& p) {
 
 }  // namespace
 
+double shortestSide(const TagCorners& corners) {
+  double shortest = (corners[0] - corners[3]).norm();
+  for (int k = 0; k < 3; ++k) shortest = std::min(shortest, (corners[k] - corners[k + 1]).norm());
+  return shortest;
+}
+
 std::optional<TagFit> fitTag(const cv::Mat& gray, const TagCorners& guess, int cells_across, int border_cells,
                              double search_px) {
   TagFit fit;
   std::array<Line, 4> before, after;  // The lines that end at a corner, and those that start there.
-  double blur = 1.0;
+  double blur = std::clamp(0.25 * shortestSide(guess) / cells_across, 0.5, 1.0);
   for (int side = 0; side < 4; ++side) {
     Vector2d a = guess[side], b = guess[(side + 1) % 4];
     const Vector2d far = 0.5 * (guess[(side + 2) % 4] + guess[(side + 3) % 4]);
@@ -207,7 +219,8 @@ std::optional<TagFit> fitTag(const cv::Mat& gray, const TagCorners& guess, int c
     const double cell = (far - a).dot(inwards) / cells_across;
     if (!(length > 4.0) || !(cell > 0.8)) return std::nullopt;
     if (search_px > 0) {
-      const auto shift = steepest(gray, a + 0.2 * (b - a), b - 0.2 * (b - a), inwards, std::min(search_px, cell));
+      const auto shift =
+          steepest(gray, a + 0.2 * (b - a), b - 0.2 * (b - a), inwards, std::min(search_px, cell));
       if (!shift) return std::nullopt;
       a += *shift * inwards;
       b += *shift * inwards;
@@ -241,22 +254,25 @@ std::optional<TagFit> fitTag(const cv::Mat& gray, const TagCorners& guess, int c
     fit.corners[k] =
         inverse * Vector2d(before[k].inwards.dot(before[k].middle), after[k].inwards.dot(after[k].middle));
     const Vector2d variance(varianceAt(before[k], fit.corners[k]), varianceAt(after[k], fit.corners[k]));
-    fit.covariances_px2[k] = inverse * variance.asDiagonal() * inverse.transpose() +
-                             kFloorPx * kFloorPx * Matrix2d::Identity();
+    fit.covariances_px2[k] =
+        inverse * variance.asDiagonal() * inverse.transpose() + kFloorPx * kFloorPx * Matrix2d::Identity();
     if (!fit.corners[k].allFinite()) return std::nullopt;
   }
   return fit;
 }
 
-int wrongCells(const cv::Mat& gray, const TagFit& tag, int cells_across, const std::vector<TagCell>& cells) {
-  const double n = cells_across;
+int wrongCells(const cv::Mat& gray, const TagFit& tag, const cv::Mat& cells) {
+  const double n = cells.cols;
   const Eigen::Matrix3d homography =
       fitHomography({{0, 0}, {n, 0}, {n, n}, {0, n}}, {tag.corners.begin(), tag.corners.end()});
   const double threshold = 0.5 * (tag.black + tag.white);
   int wrong = 0;
-  for (const TagCell& cell : cells) {
-    const Vector2d p = (homography * Eigen::Vector3d(cell.x + 0.5, cell.y + 0.5, 1)).hnormalized();
-    if (!inside(gray, p) || (bilinear(gray, p) > threshold) != cell.white) ++wrong;
+  for (int y = 0; y < cells.rows; ++y) {
+    for (int x = 0; x < cells.cols; ++x) {
+      const Vector2d p = (homography * Eigen::Vector3d(x + 0.5, y + 0.5, 1)).hnormalized();
+      const bool white = cells.at<uchar>(y, x) != 0;
+      if (!inside(gray, p) || (bilinear(gray, p) > threshold) != white) ++wrong;
+    }
   }
   return wrong;
 }

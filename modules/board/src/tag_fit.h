@@ -26,7 +26,7 @@ struct TagFit {
 std::optional<TagFit> fitTag(const cv::Mat& gray, const TagCorners& guess, int cells_across, int border_cells,
                              double search_px);
 
-/// How many cells of a code differ from what is seen between these corners.
-int wrongCells(const cv::Mat& gray, const TagFit& tag, int cells_across, const std::vector<TagCell>& cells);
+/// How many of a tag's `cells` (see tagCells) differ from what is seen between these corners.
+int wrongCells(const cv::Mat& gray, const TagFit& tag, const cv::Mat& cells);
 
 }  // namespace servocal::board

@@ -16,14 +16,6 @@ using Eigen::Vector2d;
 
 constexpr double kTolerance = 0.5;  // Of a tag's shortest side in the image; neighbors are farther apart.
 
-double shortestSide(const TagCorners& corners) {
-  double shortest = (corners[0] - corners[3]).norm();
-  for (int k = 0; k < 3; ++k) shortest = std::min(shortest, (corners[k] - corners[k + 1]).norm());
-  return shortest;
-}
-
-Vector2d centre(const TagCorners& corners) { return 0.25 * (corners[0] + corners[1] + corners[2] + corners[3]); }
-
 Matrix3d homographyOf(const std::vector<PlacedTag>& tags, const std::vector<std::size_t>& which) {
   std::vector<Vector2d> from, to;
   for (const std::size_t k : which) {
@@ -37,7 +29,8 @@ bool agrees(const Matrix3d& homography, const PlacedTag& tag) {
   const double tolerance = kTolerance * shortestSide(tag.fit.corners);
   for (int k = 0; k < 4; ++k) {
     const Eigen::Vector3d p = homography * tag.on_board[k].homogeneous();
-    if (!(std::abs(p.z()) > 1e-9) || !((p.hnormalized() - tag.fit.corners[k]).norm() < tolerance)) return false;
+    if (!(std::abs(p.z()) > 1e-9) || !((p.hnormalized() - tag.fit.corners[k]).norm() < tolerance))
+      return false;
   }
   return true;
 }
@@ -50,6 +43,10 @@ std::vector<std::size_t> agreeing(const Matrix3d& homography, const std::vector<
 }
 
 }  // namespace
+
+Vector2d centreOf(const TagCorners& corners) {
+  return 0.25 * (corners[0] + corners[1] + corners[2] + corners[3]);
+}
 
 std::vector<PlacedTag> agreeingTags(const std::vector<PlacedTag>& tags, bool several) {
   if (tags.empty() || (several && tags.size() < 2)) return {};
@@ -72,14 +69,18 @@ std::vector<PlacedTag> agreeingTags(const std::vector<PlacedTag>& tags, bool sev
   return chosen;
 }
 
-TagCorners predictTag(const std::vector<PlacedTag>& tags, const TagCorners& on_board, std::size_t nearest) {
+Matrix3d localHomography(const std::vector<PlacedTag>& tags, const Vector2d& on_board, std::size_t nearest) {
   std::vector<std::size_t> order(tags.size());
   for (std::size_t k = 0; k < order.size(); ++k) order[k] = k;
-  const Vector2d here = centre(on_board);
-  const auto distance = [&](std::size_t k) { return (centre(tags[k].on_board) - here).squaredNorm(); };
-  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return distance(a) < distance(b); });
+  const auto distance = [&](std::size_t k) { return (centreOf(tags[k].on_board) - on_board).squaredNorm(); };
+  std::sort(order.begin(), order.end(),
+            [&](std::size_t a, std::size_t b) { return distance(a) < distance(b); });
   order.resize(std::min(order.size(), nearest));
-  const Matrix3d homography = homographyOf(tags, order);
+  return homographyOf(tags, order);
+}
+
+TagCorners predictTag(const std::vector<PlacedTag>& tags, const TagCorners& on_board, std::size_t nearest) {
+  const Matrix3d homography = localHomography(tags, centreOf(on_board), nearest);
   TagCorners predicted;
   for (int k = 0; k < 4; ++k) predicted[k] = (homography * on_board[k].homogeneous()).hnormalized();
   return predicted;

@@ -7,6 +7,8 @@
 
 namespace servocal::board {
 
+Eigen::Vector2d centreOf(const TagCorners& corners);
+
 /// A tag whose place on the board is known.
 struct PlacedTag {
   int place = 0;
@@ -19,7 +21,10 @@ struct PlacedTag {
 /// two if `several`: a code misread elsewhere in the image, or another board's, is not in its place.
 std::vector<PlacedTag> agreeingTags(const std::vector<PlacedTag>& tags, bool several);
 
-/// Where the board's point `on_board` should be seen, after the `nearest` of these tags (at least one).
+/// From the board's plane to the image, near `on_board`: after the `nearest` of these tags (at least one).
+Eigen::Matrix3d localHomography(const std::vector<PlacedTag>& tags, const Eigen::Vector2d& on_board,
+                                std::size_t nearest);
+/// Where a tag with these corners on the board should be seen.
 TagCorners predictTag(const std::vector<PlacedTag>& tags, const TagCorners& on_board, std::size_t nearest);
 
 }  // namespace servocal::board

@@ -15,15 +15,11 @@ namespace servocal::board {
 /// has whole coordinates.
 using TagCorners = std::array<Eigen::Vector2d, 4>;
 
+double shortestSide(const TagCorners& corners);
+
 struct SeenTag {
   int code = 0;
   TagCorners corners;
-};
-
-/// One cell of a tag's code, in cells from the upper left of the black border.
-struct TagCell {
-  int x, y;
-  bool white;
 };
 
 /// Finds and reads the tags of one family. Not to be shared between threads.
@@ -31,15 +27,15 @@ class TagReader {
  public:
   virtual ~TagReader() = default;
   /// Every tag of the family in `gray` (CV_8UC1). Squares are looked for in the image made smaller by
-  /// `shrink` (1: as it is); codes are always read in the image itself.
+  /// `shrink` (1: as it is).
   virtual std::vector<SeenTag> read(const cv::Mat& gray, int shrink) = 0;
-  /// Cells along a side, black border included.
-  virtual int cellsAcross() const = 0;
-  /// The data cells of a code, without the border.
-  virtual std::vector<TagCell> cells(int code) const = 0;
+  /// How far the corners read may be from the tag's, px.
+  virtual double cornerErrorPx(int shrink) const = 0;
 };
 
 /// 36h11 through libapriltag, with a black border of one or two cells.
 std::unique_ptr<TagReader> makeAprilTagReader(int border_cells);
+/// One of OpenCV's predefined dictionaries, "aruco_6x6_250".
+std::unique_ptr<TagReader> makeArucoReader(const std::string& dictionary, int border_cells);
 
 }  // namespace servocal::board

@@ -103,7 +103,8 @@ TEST(TagGrid, IgnoresForeignAndMisplacedTags) {
   ASSERT_TRUE(detection);
   // Places 5 and 6 show one code; it is known by its neighbors which of them is right.
   EXPECT_EQ(detection->corners.size(), 4 * 9u);
-  for (const Corner& corner : detection->corners) EXPECT_TRUE(corner.id / 4 != 2 && corner.id / 4 != 5 && corner.id / 4 != 11);
+  for (const Corner& corner : detection->corners)
+    EXPECT_TRUE(corner.id / 4 != 2 && corner.id / 4 != 5 && corner.id / 4 != 11);
   EXPECT_LT(rmsPx(*detection, picture.corners), 0.05);
 
   // Two tags that changed places: both codes belong to the board, neither is where it should be.

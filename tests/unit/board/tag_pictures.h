@@ -14,8 +14,8 @@ inline cv::Mat tagImage(const TagGrid& grid, int code) {
   if (!grid.isAprilTag()) throw std::invalid_argument("tagImage: no such family here");
   const int dictionary = cv::aruco::DICT_APRILTAG_36h11, bits = 6;
   cv::Mat image;
-  cv::aruco::drawMarker(cv::aruco::getPredefinedDictionary(dictionary), code, bits + 2 * grid.border_bits, image,
-                        grid.border_bits);
+  cv::aruco::drawMarker(cv::aruco::getPredefinedDictionary(dictionary), code, bits + 2 * grid.border_bits,
+                        image, grid.border_bits);
   // OpenCV has AprilTag's tags upside down.
   if (grid.isAprilTag()) cv::rotate(image, image, cv::ROTATE_180);
   return image;
@@ -36,7 +36,8 @@ inline Picture renderTags(const BoardSpec& board, const TagPictureOptions& optio
   }
   const double gap = grid.tag_gap_m / grid.tag_size_m, pitch = 1 + gap;
   return renderPainted(board, options, [&](double x, double y) {
-    const int column = static_cast<int>(std::floor((x + gap) / pitch)), row = static_cast<int>(std::floor((y + gap) / pitch));
+    const int column = static_cast<int>(std::floor((x + gap) / pitch)),
+              row = static_cast<int>(std::floor((y + gap) / pitch));
     const double in_x = x - column * pitch, in_y = y - row * pitch;  // Negative in the gap before a tag.
     if (column < 0 || row < 0 || column > grid.tags_x || row > grid.tags_y) return 1.0;
     if (in_x < 0 || in_y < 0 || column == grid.tags_x || row == grid.tags_y)
@@ -44,7 +45,8 @@ inline Picture renderTags(const BoardSpec& board, const TagPictureOptions& optio
     const cv::Mat& image = images[row * grid.tags_x + column];
     const int cells = image.cols;
     return image.at<uchar>(std::min(cells - 1, static_cast<int>(in_y * cells)),
-                           std::min(cells - 1, static_cast<int>(in_x * cells))) / 255.0;
+                           std::min(cells - 1, static_cast<int>(in_x * cells))) /
+           255.0;
   });
 }
 
