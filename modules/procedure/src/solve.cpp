@@ -26,6 +26,11 @@ void listUnseen(const std::vector<Observation>& observations, std::vector<ViewRe
   });
 }
 
+int usedViews(const std::vector<ViewResidual>& views) {
+  return static_cast<int>(
+      std::count_if(views.begin(), views.end(), [](const ViewResidual& view) { return view.used; }));
+}
+
 /// Views left out for another reason than that there is no board in them.
 bool hasOutliers(const std::vector<ViewResidual>& views) {
   return std::any_of(views.begin(), views.end(), [](const ViewResidual& view) {
@@ -87,7 +92,12 @@ class CameraSolver {
     if (!outcome.solution) return;
     if (hasOutliers(outcome.solution->views)) {
       options.keep_outliers = true;
-      result_.hand_eye_with_outliers = solved().solution;
+      auto with = solved().solution;
+      if (with && usedViews(with->views) > usedViews(outcome.solution->views)) {
+        result_.hand_eye_with_outliers = std::move(with);
+      } else {
+        result_.notes.push_back("with the views that were left out, the hand-eye cannot be solved");
+      }
     }
     result_.hand_eye = *std::move(outcome.solution);
     listUnseen(observations_, result_.hand_eye->views);
@@ -106,8 +116,7 @@ class CameraSolver {
     bool doubtful = outcome.status == calib::HandEyeStatus::kInconsistent;
     if (outcome.solution) {
       const auto& views = outcome.solution->views;
-      const auto used = std::count_if(views.begin(), views.end(), [](const ViewResidual& view) { return view.used; });
-      doubtful = static_cast<double>(used) < kLeastShare * static_cast<double>(views.size());
+      doubtful = usedViews(views) < kLeastShare * static_cast<double>(views.size());
     } else if (!doubtful) {
       return std::nullopt;
     }
@@ -141,8 +150,7 @@ class CameraSolver {
   void noteWhatTheRobotDecided() {
     const HandEyeSolution& solution = *result_.hand_eye;
     const auto of = [](int part, int whole) { return std::to_string(part) + " of " + std::to_string(whole); };
-    const auto used = static_cast<int>(std::count_if(solution.views.begin(), solution.views.end(),
-                                                     [](const ViewResidual& view) { return view.used; }));
+    const int used = usedViews(solution.views);
     if (solution.symmetric_views > 0) {
       std::string note = "the board looks the same after a turn about its normal; the robot's motion decided how " +
                          std::to_string(solution.symmetric_views) + " views belong together, and turned the corner "
