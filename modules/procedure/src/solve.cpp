@@ -113,7 +113,8 @@ class CameraSolver {
   /// A sentence if robot and images cannot both be right; a note if they nearly can.
   std::optional<std::string> findContradiction(const calib::HandEyeOutcome& outcome) {
     constexpr double kMostScaleError = 0.1, kScaleErrorWorthANote = 0.01, kSigmas = 5.0, kLeastShare = 0.8;
-    bool doubtful = outcome.status == calib::HandEyeStatus::kInconsistent;
+    // Rotations that seem to be about one axis may be misread ones: degrees read as radians and the like.
+    bool doubtful = outcome.status != calib::HandEyeStatus::kTooFewViews;
     if (outcome.solution) {
       const auto& views = outcome.solution->views;
       doubtful = usedViews(views) < kLeastShare * static_cast<double>(views.size());
@@ -129,6 +130,7 @@ class CameraSolver {
       return options_.poses_from + " and the images contradict each other. Check that poses and images belong "
              "together, the direction and units of the poses, and the size of the board";
     }
+    if (!outcome.solution) return std::nullopt;
     auto scale = calib::boardScale(board_, model(), observations_, result_.camera, Stream::kColor, options_.mount);
     if (!scale) return std::nullopt;
     // A focal length error stretches all depths alike.
@@ -143,7 +145,7 @@ class CameraSolver {
       return options_.poses_from + " and the images contradict each other; they agree if " + sizes +
              " (or if the robot's lengths are off in that ratio)";
     }
-    result_.notes.push_back("by the robot's lengths, " + sizes + ": measure the board; its size scales the whole result");
+    result_.notes.push_back(sizes + ": measure the board; its size scales the whole result");
     return std::nullopt;
   }
 
