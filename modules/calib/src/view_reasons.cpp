@@ -35,6 +35,14 @@ ArmPose armPose(Mount mount, const Eigen::Isometry3d& lMr) {
   return ArmPose(mount == Mount::kFixed ? lMr : lMr.inverse());
 }
 
+/// The other pose of a plane seen from afar: tilted the other way about the line of sight.
+Pose<Color, Board> mirrored(const Pose<Color, Board>& cMo) {
+  const Eigen::Vector3d sight = cMo.translation().normalized();
+  const Eigen::Matrix3d reflection = Eigen::Matrix3d::Identity() - 2.0 * sight * sight.transpose();
+  return Pose<Color, Board>(reflection * cMo.rotation() * Eigen::Vector3d(1, 1, -1).asDiagonal(),
+                            cMo.translation());
+}
+
 /// Rotation counts as much as what it moves at arm's length from the flange, 0.1 m.
 double difference(const ArmPose& first, const ArmPose& second) {
   return distanceM(first, second) + 0.1 * angleRad(first, second);
@@ -96,20 +104,21 @@ void explainLeftOut(const BoardSpec& board, Mount mount, const Eigen::Isometry3d
     }
     // Of the better and of the worse fitting solutions, those nearest to what the robot says.
     const Pose<Color, Board> predicted(lMc.inverse() * stop.lMr * rMo);
-    const BoardPoseCandidate *better = nullptr, *worse = nullptr;
+    const BoardPoseCandidate* better = nullptr;
     double better_m = INFINITY, worse_m = INFINITY;
     for (const BoardPoseCandidate& candidate : stop.candidates) {
       const double distance_m = cornerDistance(board, predicted, candidate.cMo);
       double& least_m = candidate.better_fitting ? better_m : worse_m;
       if (distance_m >= least_m) continue;
       least_m = distance_m;
-      (candidate.better_fitting ? better : worse) = &candidate;
+      if (candidate.better_fitting) better = &candidate;
     }
     const double sigma_px = claimedSigmaPx(*stop.detection);
-    if (worse && worse_m < 0.3 * better_m && worse_m < 0.02 * predicted.translation().norm()) {
+    if (worse_m > 0.3 * better_m) worse_m = cornerDistance(board, predicted, mirrored(better->cMo));
+    if (worse_m < 0.3 * better_m && worse_m < 0.02 * predicted.translation().norm()) {
       name(reports[i], ViewCause::kPoseFlip,
-           "pose flip: its robot pose goes with the mirrored one of the two poses of a plane, its image with the "
-           "other (" + number("%.2f px", worse->rms_px) + " against " + number("%.2f px", better->rms_px) + ")");
+           "pose flip: its robot pose goes with the mirrored one of the two poses of a plane, tilted the other way; "
+           "its image does not");
       continue;
     }
     const ArmPose given = armPose(mount, stop.lMr);

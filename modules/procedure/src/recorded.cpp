@@ -83,7 +83,12 @@ std::size_t boardsFound(const std::vector<Observation>& observations) {
   }));
 }
 
-/// For a set that could not be solved: if a board that is easily confused with the stated one is in at least
+std::size_t countUsed(const std::vector<ViewResidual>& views) {
+  return static_cast<std::size_t>(
+      std::count_if(views.begin(), views.end(), [](const ViewResidual& view) { return view.used; }));
+}
+
+/// For a set of which less than half could be solved: if a board that is easily confused with the stated one is in at least
 /// half of the images, and solves them, the statement is the mistake.
 /// @throws Error (kBadData) that says which.
 void refuseMisdescribedBoard(const session::ImageSet& images, const std::vector<Observation>& observations) {
@@ -98,9 +103,9 @@ void refuseMisdescribedBoard(const session::ImageSet& images, const std::vector<
     if (2 * found < images.images.size() || found < boardsFound(observations)) continue;
     calib::IntrinsicsOptions options;
     options.lens = images.lens;
+    options.fixed = images.fixed;
     const auto outcome = calib::solveIntrinsics(other.board, seen, images.camera, Stream::kColor, options);
-    const bool solvable = found < 3 || outcome.result;
-    if (!solvable) continue;
+    if (found >= 3 && !(outcome.result && 2 * countUsed(outcome.result->views) >= found)) continue;
     throw Error(ErrorKind::kBadData,
                 "the board is described as " + images.board.describe() + " and seen so in " +
                     std::to_string(boardsFound(observations)) + " of " + std::to_string(images.images.size()) +
@@ -141,7 +146,8 @@ CalibrationResult solveImages(const std::vector<session::ImageSet>& cameras, con
     }
   }
   CalibrationResult result = solve(images.board, observations, options);
-  if (result.cameras.empty()) refuseMisdescribedBoard(images, observations);
+  const auto fits = result.cameras.empty() ? 0 : countUsed(result.cameras.front().intrinsics.views);
+  if (!options.given_intrinsics && 2 * fits < images.images.size()) refuseMisdescribedBoard(images, observations);
   return result;
 }
 

@@ -27,6 +27,11 @@ void listUnseen(const std::vector<Observation>& observations, std::vector<ViewRe
   });
 }
 
+int usedViews(const std::vector<ViewResidual>& views) {
+  return static_cast<int>(
+      std::count_if(views.begin(), views.end(), [](const ViewResidual& view) { return view.used; }));
+}
+
 /// Views left out for another reason than that there is no board in them.
 bool hasOutliers(const std::vector<ViewResidual>& views) {
   return std::any_of(views.begin(), views.end(), [](const ViewResidual& view) {
@@ -89,7 +94,12 @@ class CameraSolver {
     if (!outcome.solution) return;
     if (hasOutliers(outcome.solution->views)) {
       options.keep_outliers = true;
-      result_.hand_eye_with_outliers = solved().solution;
+      auto with = solved().solution;
+      if (with && usedViews(with->views) > usedViews(outcome.solution->views)) {
+        result_.hand_eye_with_outliers = std::move(with);
+      } else {
+        result_.notes.push_back("with the views that were left out, the hand-eye cannot be solved");
+      }
     }
     result_.hand_eye = *std::move(outcome.solution);
     listUnseen(observations_, result_.hand_eye->views);
@@ -105,11 +115,11 @@ class CameraSolver {
   /// A sentence if robot and images cannot both be right; a note if they nearly can.
   std::optional<std::string> findContradiction(const calib::HandEyeOutcome& outcome) {
     constexpr double kMostScaleError = 0.1, kScaleErrorWorthANote = 0.01, kSigmas = 5.0, kLeastShare = 0.8;
-    bool doubtful = outcome.status == calib::HandEyeStatus::kInconsistent;
+    // Rotations that seem to be about one axis may be misread ones: degrees read as radians and the like.
+    bool doubtful = outcome.status != calib::HandEyeStatus::kTooFewViews;
     if (outcome.solution) {
       const auto& views = outcome.solution->views;
-      const auto used = std::count_if(views.begin(), views.end(), [](const ViewResidual& view) { return view.used; });
-      doubtful = static_cast<double>(used) < kLeastShare * static_cast<double>(views.size());
+      doubtful = usedViews(views) < kLeastShare * static_cast<double>(views.size());
     } else if (!doubtful) {
       return std::nullopt;
     }
@@ -122,6 +132,7 @@ class CameraSolver {
       return options_.poses_from + " and the images contradict each other. Check that poses and images belong "
              "together, the direction and units of the poses, and the size of the board";
     }
+    if (!outcome.solution) return std::nullopt;
     auto scale = calib::boardScale(board_, model(), observations_, result_.camera, Stream::kColor, options_.mount);
     if (!scale) return std::nullopt;
     // A focal length error stretches all depths alike.
@@ -136,15 +147,14 @@ class CameraSolver {
       return options_.poses_from + " and the images contradict each other; they agree if " + sizes +
              " (or if the robot's lengths are off in that ratio)";
     }
-    result_.notes.push_back("by the robot's lengths, " + sizes + ": measure the board; its size scales the whole result");
+    result_.notes.push_back(sizes + ": measure the board; its size scales the whole result");
     return std::nullopt;
   }
 
   void noteWhatTheRobotDecided() {
     const HandEyeSolution& solution = *result_.hand_eye;
     const auto of = [](int part, int whole) { return std::to_string(part) + " of " + std::to_string(whole); };
-    const auto used = static_cast<int>(std::count_if(solution.views.begin(), solution.views.end(),
-                                                     [](const ViewResidual& view) { return view.used; }));
+    const int used = usedViews(solution.views);
     if (solution.symmetric_views > 0) {
       std::string note = "the board looks the same after a turn about its normal; the robot's motion decided how " +
                          std::to_string(solution.symmetric_views) + " views belong together, and turned the corner "

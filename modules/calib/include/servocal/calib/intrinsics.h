@@ -39,7 +39,7 @@ struct IntrinsicsOptions {
   double max_condition = 1e9;      ///< Of the scaled normal matrix of fx, fy, cx, cy with the rest eliminated;
                                    ///< above it the answer is refused.
   double max_focal_sigma = 0.1;    ///< Standard deviation of fx over fx; above it the answer is refused.
-  double outlier_ratio = 5.0;      ///< A view whose RMS is more than this many times the median (and more
+  double outlier_ratio = 3.0;      ///< A view whose RMS is more than this many times the median (and more
                                    ///< than 0.3 px and the spread of the views) is left out and named. 0: all
                                    ///< views are kept.
 };
