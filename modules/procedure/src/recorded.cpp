@@ -147,7 +147,7 @@ CalibrationResult solveImages(const std::vector<session::ImageSet>& cameras, con
   }
   CalibrationResult result = solve(images.board, observations, options);
   const auto fits = result.cameras.empty() ? 0 : countUsed(result.cameras.front().intrinsics.views);
-  if (!options.given_intrinsics && 2 * fits < images.images.size()) refuseMisdescribedBoard(images, observations);
+  if (!images.given_intrinsics && 2 * fits < images.images.size()) refuseMisdescribedBoard(images, observations);
   return result;
 }
 
