@@ -29,17 +29,37 @@ inline float wave(float x, float half, float per_width, float high) {
   return (triangle(to) - triangle(from)) * per_width;
 }
 
-// Ink from the origin to (u, v); linear inside a texel, so that box averages come out exact.
-inline double inkTo(const InkPattern& p, float u, float v) {
-  const float x = clamped(u, 0.0F, static_cast<float>(p.width));
-  const float y = clamped(v, 0.0F, static_cast<float>(p.height));
-  const int column = smaller(x, static_cast<float>(p.width - 1)), row = smaller(y, static_cast<float>(p.height - 1));
-  const double right = x - static_cast<float>(column), down = y - static_cast<float>(row);
-  const std::int32_t* above = p.integral + static_cast<std::ptrdiff_t>(row) * (p.width + 1) + column;
-  const std::int32_t* below = above + p.width + 1;
-  const double upper = above[0] + right * (above[1] - above[0]);
-  const double lower = below[0] + right * (below[1] - below[0]);
-  return upper + down * (lower - upper);
+// A place along one side of the table: between two of its lines.
+struct Place {
+  int line;
+  float beyond;  // Share of the way to the next line.
+};
+
+inline Place placeOf(float x, int size) {
+  const float inside = clamped(x, 0.0F, static_cast<float>(size));
+  const int line = static_cast<int>(smaller(inside, static_cast<float>(size - 1)));
+  return {line, inside - static_cast<float>(line)};
+}
+
+// Ink between two columns, from the top to a line of the table: differences of sums, which unlike the sums
+// themselves are small enough for a float.
+inline float inkBetween(const std::int32_t* line, Place left, Place right) {
+  const std::int32_t* a = line + left.line;
+  const std::int32_t* b = line + right.line;
+  return static_cast<float>(b[0] - a[0]) + right.beyond * static_cast<float>(b[1] - b[0]) -
+         left.beyond * static_cast<float>(a[1] - a[0]);
+}
+
+// Ink in a box; linear inside a texel, so that the average comes out exact.
+inline float inkIn(const InkPattern& p, float left, float right, float top, float bottom) {
+  const Place from_x = placeOf(left, p.width), to_x = placeOf(right, p.width);
+  const Place from_y = placeOf(top, p.height), to_y = placeOf(bottom, p.height);
+  const std::ptrdiff_t stride = p.width + 1;
+  const std::int32_t* upper = p.integral + from_y.line * stride;
+  const std::int32_t* lower = p.integral + to_y.line * stride;
+  const float upper0 = inkBetween(upper, from_x, to_x), upper1 = inkBetween(upper + stride, from_x, to_x);
+  const float lower0 = inkBetween(lower, from_x, to_x), lower1 = inkBetween(lower + stride, from_x, to_x);
+  return lower0 - upper0 + to_y.beyond * (lower1 - lower0) - from_y.beyond * (upper1 - upper0);
 }
 
 }  // namespace
@@ -89,9 +109,7 @@ void addBoardRow(const InkPattern& pattern, const BoardRow& row, float weight, f
     const float per_u = 1.0F / row.footprint_u[i], per_v = 1.0F / row.footprint_v[i];
     const float plate = covered(u, half_u, per_u, 0.0F, width) * covered(v, half_v, per_v, 0.0F, height);
     if (!(plate > 0.0F)) continue;
-    const double ink = inkTo(p, u + half_u, v + half_v) - inkTo(p, u - half_u, v + half_v) -
-                       inkTo(p, u + half_u, v - half_v) + inkTo(p, u - half_u, v - half_v);
-    const float dark = static_cast<float>(ink) * (per_u * per_v / 255.0F);
+    const float dark = inkIn(p, u - half_u, u + half_u, v - half_v, v + half_v) * (per_u * per_v / 255.0F);
     const float gray = p.white * plate + (p.black - p.white) * dark;
     color[i] += weight * (gray * row.light[i] + plate * row.highlight[i]);
     alpha[i] += weight * plate;
