@@ -11,14 +11,15 @@
 #include <stdexcept>
 #include <string>
 
+#include "servocal/board/artwork.h"
 #include "servocal/core/error.h"
 
 namespace servocal::board {
 namespace {
 
 constexpr double kPointsPerMm = 72.0 / 25.4;
-constexpr double kPageMarginMm = 7.0;   // Most printers cannot print nearer to the edge.
-constexpr double kFooterMm = 14.0;      // Ruler and text below the board.
+constexpr double kPageMarginMm = 7.0;  // Most printers cannot print nearer to the edge.
+constexpr double kFooterMm = 14.0;     // Ruler and text below the board.
 constexpr double kRulerMm = 100.0;
 
 struct Page {
@@ -26,36 +27,26 @@ struct Page {
   double width_mm, height_mm;
 };
 
-constexpr std::array<Page, 5> kPages = {{{"A4", 297, 210},
-                                         {"A3", 420, 297},
-                                         {"A2", 594, 420},
-                                         {"A1", 841, 594},
-                                         {"A0", 1189, 841}}};
+constexpr std::array<Page, 5> kPages = {
+    {{"A4", 297, 210}, {"A3", 420, 297}, {"A2", 594, 420}, {"A1", 841, 594}, {"A0", 1189, 841}}};
 
 struct CairoDeleter {
   void operator()(cairo_t* context) const { cairo_destroy(context); }
   void operator()(cairo_surface_t* surface) const { cairo_surface_destroy(surface); }
 };
 
-void fillSquare(cairo_t* context, double x, double y, double side) {
-  cairo_rectangle(context, x, y, side, side);
-  cairo_fill(context);
-}
-
-// In mm, upper left corner of the squares at the origin.
-void drawSquares(cairo_t* context, const Checkerboard& board) {
-  const double square = board.square_size_m * 1000.0;
-  for (int row = 0; row < board.squares_y; ++row) {
-    for (int column = 0; column < board.squares_x; ++column) {
-      if ((row + column) % 2 != 0) continue;
-      cairo_set_source_rgb(context, 0, 0, 0);
-      fillSquare(context, column * square, row * square, square);
-      if (board.hollow_corner && row == 0 && column == 0) {
-        const double inset = 0.5 * (1.0 - board.hollow_inner_ratio) * square;
-        cairo_set_source_rgb(context, 1, 1, 1);
-        fillSquare(context, inset, inset, square - 2 * inset);
-      }
+// In mm, the board frame's origin at the origin.
+void drawArtwork(cairo_t* context, const BoardSpec& board) {
+  for (const Shape& shape : artwork(board)) {
+    const double ink = shape.black ? 0.0 : 1.0;
+    cairo_set_source_rgb(context, ink, ink, ink);
+    const Eigen::Vector2d centre = 1000.0 * shape.centre, half = 1000.0 * shape.half_size;
+    if (shape.kind == Shape::Kind::kDisc) {
+      cairo_arc(context, centre.x(), centre.y(), half.x(), 0, 2 * M_PI);
+    } else {
+      cairo_rectangle(context, centre.x() - half.x(), centre.y() - half.y(), 2 * half.x(), 2 * half.y());
     }
+    cairo_fill(context);
   }
 }
 
@@ -88,41 +79,41 @@ std::string dataLine(const BoardSpec& board) {
 
 void printBoard(const BoardSpec& board, const std::filesystem::path& pdf) {
   const Eigen::Vector3d far = board.patternOutline()[2];
-  const double squares_width = 2000.0 * far.x();
-  const double squares_height = 2000.0 * far.y();
+  const double width = 2000.0 * far.x();
+  const double height = 2000.0 * far.y();
   const double rim = board.margin_m * 1000.0;
   const Page* page = nullptr;
   for (const Page& candidate : kPages) {
-    if (squares_width + 2 * rim + 2 * kPageMarginMm > candidate.width_mm) continue;
-    if (squares_height + 2 * rim + 2 * kPageMarginMm + kFooterMm > candidate.height_mm) continue;
+    if (width + 2 * rim + 2 * kPageMarginMm > candidate.width_mm) continue;
+    if (height + 2 * rim + 2 * kPageMarginMm + kFooterMm > candidate.height_mm) continue;
     page = &candidate;
     break;
   }
   if (!page) {
-    throw std::invalid_argument("printBoard: a board of " + std::to_string(squares_width + 2 * rim) + " x " +
-                                std::to_string(squares_height + 2 * rim) + " mm is larger than A0");
+    throw std::invalid_argument("printBoard: a board of " + std::to_string(width + 2 * rim) + " x " +
+                                std::to_string(height + 2 * rim) + " mm is larger than A0");
   }
 
-  const std::unique_ptr<cairo_surface_t, CairoDeleter> surface(cairo_pdf_surface_create(
-      pdf.c_str(), page->width_mm * kPointsPerMm, page->height_mm * kPointsPerMm));
+  const std::unique_ptr<cairo_surface_t, CairoDeleter> surface(
+      cairo_pdf_surface_create(pdf.c_str(), page->width_mm * kPointsPerMm, page->height_mm * kPointsPerMm));
   const std::unique_ptr<cairo_t, CairoDeleter> context(cairo_create(surface.get()));
   cairo_pdf_surface_set_metadata(surface.get(), CAIRO_PDF_METADATA_TITLE, dataLine(board).c_str());
   cairo_scale(context.get(), kPointsPerMm, kPointsPerMm);
   cairo_select_font_face(context.get(), "sans-serif", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
 
-  const double left = 0.5 * (page->width_mm - squares_width);
-  const double top = kPageMarginMm + rim +
-                     0.5 * (page->height_mm - kFooterMm - 2 * kPageMarginMm - 2 * rim - squares_height);
+  const double left = 0.5 * (page->width_mm - width);
+  const double top =
+      kPageMarginMm + rim + 0.5 * (page->height_mm - kFooterMm - 2 * kPageMarginMm - 2 * rim - height);
   cairo_save(context.get());
-  cairo_translate(context.get(), left, top);
-  drawSquares(context.get(), *board.as<Checkerboard>());
+  cairo_translate(context.get(), left + 0.5 * width, top + 0.5 * height);
+  drawArtwork(context.get(), board);
   cairo_restore(context.get());
 
   // Where to cut: hairlines at the corners of the rim.
   cairo_set_source_rgb(context.get(), 0.6, 0.6, 0.6);
   cairo_set_line_width(context.get(), 0.1);
-  for (const double x : {left - rim, left + squares_width + rim}) {
-    for (const double y : {top - rim, top + squares_height + rim}) {
+  for (const double x : {left - rim, left + width + rim}) {
+    for (const double y : {top - rim, top + height + rim}) {
       cairo_move_to(context.get(), x - 3, y);
       cairo_line_to(context.get(), x + 3, y);
       cairo_move_to(context.get(), x, y - 3);
@@ -136,7 +127,7 @@ void printBoard(const BoardSpec& board, const std::filesystem::path& pdf) {
   cairo_translate(context.get(), kPageMarginMm + 5.0, footer);
   drawRuler(context.get());
   cairo_move_to(context.get(), kRulerMm + 6.0, 3.0);
-  cairo_show_text(context.get(), "Print at 100 %. This ruler must measure 100 mm; measure the squares too.");
+  cairo_show_text(context.get(), "Print at 100 %. This ruler must measure 100 mm; measure the pattern too.");
   cairo_move_to(context.get(), 0, 11.5);
   cairo_show_text(context.get(), (dataLine(board) + ", " + page->name).c_str());
   cairo_restore(context.get());

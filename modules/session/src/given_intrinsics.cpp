@@ -28,7 +28,7 @@ struct Raw {
 }
 
 const std::vector<std::string> kMatrixKeys = {"camera_matrix", "cameraMatrix", "K", "M1"};
-const std::vector<std::string> kDistortionKeys = {"distortion_coefficients", "distCoeffs", "dist_coeffs",
+const std::vector<std::string> kDistortionKeys = {"distortion_coefficients", "distCoeffs", "dist_coeffs", "dist",
                                                   "distortionCoefficients",  "D",          "D1"};
 
 std::vector<double> numbersOf(const cv::FileStorage& storage, const std::vector<std::string>& keys) {
