@@ -46,6 +46,14 @@ TEST(Calibrate, DefaultCellIsCalibratedInAClosedLoop) {
   EXPECT_LT((live.hand_eye->camera_pose.matrix() - replayed.hand_eye->camera_pose.matrix()).norm(), 1e-12);
 }
 
+// Seen in part, of another texture and with another limit of tilt: the same loop.
+TEST(Calibrate, AnAprilGridServesAsWell) {
+  CellConfig cell = defaultCell();
+  cell.board = loadBoard(SERVOCAL_BOARDS "/aprilgrid_4x3.yaml");
+  const test::TemporaryFolder folder;
+  expectGood(test::runTrial(cell, 2, folder.path() / "session"));
+}
+
 TEST(Calibrate, SaysSoWhenTheCameraDoesNotSeeTheBoard) {
   CellConfig cell = defaultCell();
   cell.simulation->cameras.front().look_at_m = {2.0, 0.0, 0.4};  // looks away
