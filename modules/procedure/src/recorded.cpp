@@ -78,8 +78,9 @@ std::vector<Observation> detectBoard(const BoardSpec& board, const session::Imag
 }
 
 std::size_t boardsFound(const std::vector<Observation>& observations) {
-  return static_cast<std::size_t>(std::count_if(observations.begin(), observations.end(),
-                                                [](const Observation& o) { return !o.views.empty(); }));
+  return static_cast<std::size_t>(std::count_if(observations.begin(), observations.end(), [](const Observation& o) {
+    return !o.views.empty();
+  }));
 }
 
 std::size_t countUsed(const std::vector<ViewResidual>& views) {
@@ -87,8 +88,8 @@ std::size_t countUsed(const std::vector<ViewResidual>& views) {
       std::count_if(views.begin(), views.end(), [](const ViewResidual& view) { return view.used; }));
 }
 
-/// For a set of which less than half could be solved: if a board that is easily confused with the stated one
-/// is in at least half of the images, and solves them, the statement is the mistake.
+/// For a set of which less than half could be solved: if a board that is easily confused with the stated one is in at least
+/// half of the images, and solves them, the statement is the mistake.
 /// @throws Error (kBadData) that says which.
 void refuseMisdescribedBoard(const session::ImageSet& images, const std::vector<Observation>& observations) {
   for (const OtherBoard& other : likelyMeant(images.board)) {
@@ -105,19 +106,16 @@ void refuseMisdescribedBoard(const session::ImageSet& images, const std::vector<
     options.fixed = images.fixed;
     const auto outcome = calib::solveIntrinsics(other.board, seen, images.camera, Stream::kColor, options);
     if (found >= 3 && !(outcome.result && 2 * countUsed(outcome.result->views) >= found)) continue;
-    throw Error(ErrorKind::kBadData, "the board is described as " + images.board.describe() +
-                                         " and seen so in " + std::to_string(boardsFound(observations)) +
-                                         " of " + std::to_string(images.images.size()) + " images, as " +
-                                         other.board.describe() + " in " + std::to_string(found) + ": " +
-                                         other.what);
+    throw Error(ErrorKind::kBadData,
+                "the board is described as " + images.board.describe() + " and seen so in " +
+                    std::to_string(boardsFound(observations)) + " of " + std::to_string(images.images.size()) +
+                    " images, as " + other.board.describe() + " in " + std::to_string(found) + ": " + other.what);
   }
 }
 
 }  // namespace
 
-std::vector<Observation> detectImages(const session::ImageSet& images) {
-  return detectBoard(images.board, images);
-}
+std::vector<Observation> detectImages(const session::ImageSet& images) { return detectBoard(images.board, images); }
 
 CalibrationResult solveImages(const session::ImageSet& images, const SolveOverrides& overrides) {
   SolveOptions options;
@@ -136,8 +134,7 @@ CalibrationResult solveImages(const session::ImageSet& images, const SolveOverri
   const std::vector<Observation> observations = detectImages(images);
   CalibrationResult result = solve(images.board, observations, options);
   const auto fits = result.cameras.empty() ? 0 : countUsed(result.cameras.front().intrinsics.views);
-  if (!options.given_intrinsics && 2 * fits < images.images.size())
-    refuseMisdescribedBoard(images, observations);
+  if (!options.given_intrinsics && 2 * fits < images.images.size()) refuseMisdescribedBoard(images, observations);
   return result;
 }
 

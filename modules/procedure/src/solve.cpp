@@ -41,8 +41,8 @@ bool hasOutliers(const std::vector<ViewResidual>& views) {
 /// Solves one camera's part of a set of observations.
 class CameraSolver {
  public:
-  CameraSolver(const BoardSpec& board, const std::vector<Observation>& observations,
-               const std::string& camera, const SolveOptions& options)
+  CameraSolver(const BoardSpec& board, const std::vector<Observation>& observations, const std::string& camera,
+               const SolveOptions& options)
       : board_(board), observations_(observations), options_(options) {
     result_.camera = camera;
   }
@@ -50,8 +50,7 @@ class CameraSolver {
   /// False if there are none; missing() says why.
   bool solveIntrinsics() {
     if (options_.given_intrinsics) {
-      result_.intrinsics.camera =
-          *options_.given_intrinsics;  // No standard deviations: nothing was estimated.
+      result_.intrinsics.camera = *options_.given_intrinsics;  // No standard deviations: nothing was estimated.
       return true;
     }
     calib::IntrinsicsOptions options = options_.intrinsics;
@@ -80,8 +79,7 @@ class CameraSolver {
     options.robot_sigma_m = options_.robot_sigma_m;
     options.robot_sigma_rad = options_.robot_sigma_rad;
     const auto solved = [&] {
-      return calib::solveHandEyeReprojection(board_, model(), observations_, result_.camera, Stream::kColor,
-                                             options);
+      return calib::solveHandEyeReprojection(board_, model(), observations_, result_.camera, Stream::kColor, options);
     };
     calib::HandEyeOutcome outcome = solved();
     if (const auto contradiction = findContradiction(outcome)) {
@@ -124,18 +122,16 @@ class CameraSolver {
       return std::nullopt;
     }
     if (doubtful) {
-      const auto why = calib::explainContradiction(board_, model(), observations_, result_.camera,
-                                                   Stream::kColor, options_.mount, options_.readings);
+      const auto why = calib::explainContradiction(board_, model(), observations_, result_.camera, Stream::kColor,
+                                                   options_.mount, options_.readings);
       if (why) return options_.poses_from + " and the images contradict each other; they agree if " + *why;
     }
     if (outcome.status == calib::HandEyeStatus::kInconsistent) {
-      return options_.poses_from +
-             " and the images contradict each other. Check that poses and images belong "
+      return options_.poses_from + " and the images contradict each other. Check that poses and images belong "
              "together, the direction and units of the poses, and the size of the board";
     }
     if (!outcome.solution) return std::nullopt;
-    auto scale =
-        calib::boardScale(board_, model(), observations_, result_.camera, Stream::kColor, options_.mount);
+    auto scale = calib::boardScale(board_, model(), observations_, result_.camera, Stream::kColor, options_.mount);
     if (!scale) return std::nullopt;
     // A focal length error stretches all depths alike.
     if (result_.intrinsics.sigma.size() > 0) {
@@ -158,24 +154,18 @@ class CameraSolver {
     const auto of = [](int part, int whole) { return std::to_string(part) + " of " + std::to_string(whole); };
     const int used = usedViews(solution.views);
     if (solution.symmetric_views > 0) {
-      std::string note =
-          "the board looks the same after a turn about its normal; the robot's motion decided how " +
-          std::to_string(solution.symmetric_views) +
-          " views belong together, and turned the corner "
-          "numbers of " +
-          of(solution.resolved_turns, solution.symmetric_views);
+      std::string note = "the board looks the same after a turn about its normal; the robot's motion decided how " +
+                         std::to_string(solution.symmetric_views) + " views belong together, and turned the corner "
+                         "numbers of " + of(solution.resolved_turns, solution.symmetric_views);
       if (solution.symmetric_views == used) {
-        note +=
-            ". One turn common to all views stays undetermined: that of the board's own pose, not the "
-            "camera's";
+        note += ". One turn common to all views stays undetermined: that of the board's own pose, not the camera's";
       }
       result_.notes.push_back(note);
     }
     if (solution.resolved_flips > 0) {
-      result_.notes.push_back(
-          "pose flip resolved in " + of(solution.resolved_flips, used) +
-          " views: of the two poses that a plane has, the robot chose the one that fits the "
-          "image less well");
+      result_.notes.push_back("pose flip resolved in " + of(solution.resolved_flips, used) +
+                              " views: of the two poses that a plane has, the robot chose the one that fits the "
+                              "image less well");
     }
   }
 
