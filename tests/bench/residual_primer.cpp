@@ -77,7 +77,8 @@ void printIntrinsics(const std::string& name, const Trial& trial, int seeds) {
     for (std::size_t i = 0; i < scene.cMo.size(); ++i) {
       const auto poses =
           calib::boardPoses(stated, outcome.result->camera, scene.observations[i].views[0].detection);
-      if (!poses.empty()) distance.add(1e3 * (poses.front().cMo.translation() - scene.cMo[i].translation()).norm());
+      if (!poses.empty())
+        distance.add(1e3 * (poses.front().cMo.translation() - scene.cMo[i].translation()).norm());
     }
   }
   std::printf("| %-34s | %8.4f | %8.4f | %8.2f | %8.2f | %8.2f | %3d |\n", name.c_str(), residual.value(),
@@ -85,9 +86,10 @@ void printIntrinsics(const std::string& name, const Trial& trial, int seeds) {
 }
 
 void head(const char* title) {
-  std::printf("\n%s\n\n| %-34s | residual | held out | fx error | fx sigma | board mm | refused |\n"
-              "|---|---|---|---|---|---|---|\n",
-              title, "");
+  std::printf(
+      "\n%s\n\n| %-34s | residual | held out | fx error | fx sigma | board mm | refused |\n"
+      "|---|---|---|---|---|---|---|\n",
+      title, "");
 }
 
 void printHandEye(const std::string& name, double robot_m, double focal_error, int seeds) {
@@ -102,8 +104,8 @@ void printHandEye(const std::string& name, double robot_m, double focal_error, i
     calib::ReprojectionOptions solve;
     solve.robot_sigma_m = std::max(robot_m, 1e-4);
     solve.robot_sigma_rad = solve.robot_sigma_m / 0.6;
-    const auto outcome = calib::solveHandEyeReprojection(scene.board, camera, scene.observations, test::kCamera,
-                                                         Stream::kColor, solve);
+    const auto outcome = calib::solveHandEyeReprojection(scene.board, camera, scene.observations,
+                                                         test::kCamera, Stream::kColor, solve);
     if (!outcome.solution) continue;
     residual.add(outcome.solution->rms_px);
     scatter.add(1e3 * outcome.solution->scatter_m);
@@ -124,9 +126,10 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "usage: residual_primer [SEEDS]\n");
     return 2;
   }
-  std::printf("Camera of 1920 x 1080 px, fx 1066 px; board of 7 x 5 squares of 30 mm at 0.45 to 0.75 m. Root mean\n"
-              "squares over %d seeds; residuals and fx in px, error of the board's position in mm.\n",
-              seeds);
+  std::printf(
+      "Camera of 1920 x 1080 px, fx 1066 px; board of 7 x 5 squares of 30 mm at 0.45 to 0.75 m. Root mean\n"
+      "squares over %d seeds; residuals and fx in px, error of the board's position in mm.\n",
+      seeds);
 
   head("Corners measured to 0.1 px, more and more views");
   for (const int views : {4, 5, 10, 20, 50}) {
@@ -165,8 +168,11 @@ int main(int argc, char** argv) {
     printIntrinsics(name, trial, seeds);
   }
 
-  std::printf("\nHand-eye, 20 views, 0.1 px: residual px, scatter mm, error and claimed sigma of the camera's position mm\n\n"
-              "| %-34s | residual | scatter | error | sigma |\n|---|---|---|---|---|\n", "");
+  std::printf(
+      "\nHand-eye, 20 views, 0.1 px: residual px, scatter mm, error and claimed sigma of the camera's "
+      "position mm\n\n"
+      "| %-34s | residual | scatter | error | sigma |\n|---|---|---|---|---|\n",
+      "");
   printHandEye("exact robot, exact camera", 0.0, 0.0, seeds);
   printHandEye("robot off by 0.3 mm", 0.0003, 0.0, seeds);
   printHandEye("robot off by 3 mm", 0.003, 0.0, seeds);

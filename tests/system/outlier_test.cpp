@@ -40,10 +40,11 @@ using Injected = std::map<std::size_t, std::set<ViewCause>>;
 void expectNamed(const std::vector<ViewResidual>& views, const Injected& injected, int seed) {
   for (std::size_t i = 0; i < views.size(); ++i) {
     const auto bad = injected.find(i);
-    EXPECT_EQ(views[i].used, bad == injected.end())
-        << "seed " << seed << ", " << views[i].name << ": " << views[i].reason << " " << views[i].rms_px << " px";
+    EXPECT_EQ(views[i].used, bad == injected.end()) << "seed " << seed << ", " << views[i].name << ": "
+                                                    << views[i].reason << " " << views[i].rms_px << " px";
     if (views[i].used || bad == injected.end()) continue;
-    EXPECT_TRUE(bad->second.count(views[i].cause)) << "seed " << seed << ", " << views[i].name << ": " << views[i].reason;
+    EXPECT_TRUE(bad->second.count(views[i].cause))
+        << "seed " << seed << ", " << views[i].name << ": " << views[i].reason;
   }
 }
 
@@ -70,7 +71,8 @@ TEST(RealDataOutliers, OtherBoardsAreNamed) {
           break;
         }
         default:  // another number of squares
-          image = session::readImage(*data + "/boofcv/Sony_DSC-HX5V_Chess/frame0" + std::to_string(1 + random() % 9) + ".jpg");
+          image = session::readImage(*data + "/boofcv/Sony_DSC-HX5V_Chess/frame0" +
+                                     std::to_string(1 + random() % 9) + ".jpg");
           injected[i] = {ViewCause::kNoBoard};
       }
       set.images[i].file = folder / (std::to_string(i) + ".png");
@@ -115,7 +117,8 @@ TEST(RealDataOutliers, WrongRobotPosesAreNamed) {
         word = "its inverse fits";
         break;
       case 2:
-        bMe(at[0]) = bMe(at[0]) * Pose<EndEffector, EndEffector>::fromRotationVector({0.0, 0.0, 0.0}, {0.03, 0, 0});
+        bMe(at[0]) =
+            bMe(at[0]) * Pose<EndEffector, EndEffector>::fromRotationVector({0.0, 0.0, 0.0}, {0.03, 0, 0});
         injected[at[0]] = {ViewCause::kRobotPose};
         word = "wrong robot pose: it is";
         break;
@@ -126,9 +129,10 @@ TEST(RealDataOutliers, WrongRobotPosesAreNamed) {
         const Eigen::Vector3d sight = cMo.translation().normalized();
         const Eigen::Matrix3d reflection = Eigen::Matrix3d::Identity() - 2.0 * sight * sight.transpose();
         const Pose<Color, Board> mirrored =
-            poses.size() > 1 ? poses[1].cMo
-                             : Pose<Color, Board>(reflection * cMo.rotation() * Eigen::Vector3d(1, 1, -1).asDiagonal(),
-                                                  cMo.translation());
+            poses.size() > 1
+                ? poses[1].cMo
+                : Pose<Color, Board>(reflection * cMo.rotation() * Eigen::Vector3d(1, 1, -1).asDiagonal(),
+                                     cMo.translation());
         bMe(at[0]) = Pose<Base, EndEffector>(truth.board_pose * mirrored.inverse().isometry() *
                                              truth.camera_pose.inverse());
         injected[at[0]] = {ViewCause::kPoseFlip};
@@ -162,7 +166,8 @@ TEST(RealDataOutliers, SwappedRowsAreNamedWithEachOther) {
       const CalibrationResult result = procedure::solve(set.board, observations, options);
       ASSERT_TRUE(result.cameras.at(0).hand_eye.has_value()) << i << " " << k << procedure::summary(result);
       const auto& views = result.cameras[0].hand_eye->views;
-      expectNamed(views, {{i, {ViewCause::kRobotPose}}, {k, {ViewCause::kRobotPose}}}, static_cast<int>(10 * i + k));
+      expectNamed(views, {{i, {ViewCause::kRobotPose}}, {k, {ViewCause::kRobotPose}}},
+                  static_cast<int>(10 * i + k));
       EXPECT_NE(views[i].reason.find("'" + views[k].name + "'"), std::string::npos) << views[i].reason;
       EXPECT_NE(views[k].reason.find("'" + views[i].name + "'"), std::string::npos) << views[k].reason;
     }

@@ -206,7 +206,8 @@ void rewriteTable(const std::filesystem::path& file,
   std::ofstream(file) << text;
 }
 
-// Every way in which a set of images and poses is commonly wrong: a sentence with file and cause, exit code 8.
+// Every way in which a set of images and poses is commonly wrong: a sentence with file and cause, exit
+// code 8.
 class BadInput : public Recording {
  protected:
   void expectBadData(const std::vector<std::string>& parts, const std::string& arguments = "set.yaml") {
@@ -262,7 +263,8 @@ TEST_F(BadInput, DegreesForRadiansAndBack) {
   std::string text = manifest();
   text.replace(text.find("angle_unit: rad"), 15, "angle_unit: deg");
   folder_.write("set.yaml", text);
-  expectBadData({"poses.csv' and the images contradict each other", "the angles are in radians (angle_unit: rad)"});
+  expectBadData(
+      {"poses.csv' and the images contradict each other", "the angles are in radians (angle_unit: rad)"});
 }
 
 TEST_F(BadInput, MillimetresForMetresAndBack) {
@@ -279,7 +281,8 @@ TEST_F(BadInput, MillimetresForMetresAndBack) {
   text.replace(text.find("length_unit: m"), 14, "length_unit: mm");
   folder_.write("set.yaml", text);
   // The row of the image without a board puts the arm 15 m away: without it all are within a metre.
-  expectBadData({"poses.csv' and the images contradict each other", "are in metres, read as millimetres (length_unit: m)"});
+  expectBadData({"poses.csv' and the images contradict each other",
+                 "are in metres, read as millimetres (length_unit: m)"});
 }
 
 TEST_F(BadInput, InvertedPosesAndTheOtherMount) {
@@ -297,7 +300,8 @@ TEST_F(BadInput, EulerAnglesForARotationVector) {
   });
   expectBadData({"they agree if the angles are Euler angles (euler_order: "});
   const std::string said = solve("set.yaml").err;
-  EXPECT_TRUE(said.find("extrinsic_xyz") != std::string::npos || said.find("intrinsic_zyx") != std::string::npos)
+  EXPECT_TRUE(said.find("extrinsic_xyz") != std::string::npos ||
+              said.find("intrinsic_zyx") != std::string::npos)
       << said;
 }
 
@@ -333,7 +337,8 @@ TEST_F(BadInput, InnerCornersCountedForSquares) {
   expectBadData({"in 9: its inner corners were counted instead of its squares"});
 }
 
-// Tags are numbered row by row: with rows for columns the codes are elsewhere. (A checkerboard does not mind.)
+// Tags are numbered row by row: with rows for columns the codes are elsewhere. (A checkerboard does not
+// mind.)
 TEST_F(BadInput, RowsAndColumnsOfTheBoardSwapped) {
   BoardSpec board;
   TagGrid grid;
@@ -352,7 +357,8 @@ TEST_F(BadInput, RowsAndColumnsOfTheBoardSwapped) {
                 test::renderTags(board, options).gray);
   }
   const auto manifestOf = [](const std::string& size) {
-    return "board: {kind: aprilgrid, " + size + ", tag_size_m: 0.03, tag_gap_m: 0.009}\nimages: \"tags*.png\"\n";
+    return "board: {kind: aprilgrid, " + size +
+           ", tag_size_m: 0.03, tag_gap_m: 0.009}\nimages: \"tags*.png\"\n";
   };
   folder_.write("set.yaml", manifestOf("tags_x: 3, tags_y: 5"));
   expectBadData({"in 6: its rows and columns are swapped"});

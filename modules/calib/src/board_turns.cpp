@@ -24,7 +24,9 @@ BoardTurns::BoardTurns(const BoardSpec& board) {
   }
 }
 
-int BoardTurns::count(const BoardDetection& detection) const { return detection.orientation_known ? 1 : all(); }
+int BoardTurns::count(const BoardDetection& detection) const {
+  return detection.orientation_known ? 1 : all();
+}
 
 Pose<Board, Board> BoardTurns::rotation(int turn) const {
   return Pose<Board, Board>::fromRotationVector({0, 0, 2.0 * M_PI * turn / all()}, Eigen::Vector3d::Zero());
@@ -33,7 +35,8 @@ Pose<Board, Board> BoardTurns::rotation(int turn) const {
 BoardDetection BoardTurns::turned(const BoardDetection& detection, int turn) const {
   BoardDetection out = detection;
   for (Corner& corner : out.corners) corner.id = id(corner.id, turn);
-  std::sort(out.corners.begin(), out.corners.end(), [](const Corner& a, const Corner& b) { return a.id < b.id; });
+  std::sort(out.corners.begin(), out.corners.end(),
+            [](const Corner& a, const Corner& b) { return a.id < b.id; });
   return out;
 }
 

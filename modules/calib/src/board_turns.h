@@ -19,7 +19,9 @@ class BoardTurns {
   /// Turns that explain the image alike, the first included; 1 if its orientation is known.
   int count(const BoardDetection& detection) const;
   /// The corner that is meant by `id` if the detection is read with this turn.
-  int id(int id, int turn) const { return ids_[static_cast<std::size_t>(turn)][static_cast<std::size_t>(id)]; }
+  int id(int id, int turn) const {
+    return ids_[static_cast<std::size_t>(turn)][static_cast<std::size_t>(id)];
+  }
   /// Takes the board pose read with this turn to the one read with the ids as they came, by the right:
   /// cMo(0) = cMo(turn) * rotation(turn).
   Pose<Board, Board> rotation(int turn) const;

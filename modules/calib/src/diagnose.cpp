@@ -70,8 +70,9 @@ Agreement agreement(const BoardSpec& board, const std::vector<CandidateView>& vi
   const double translation = out.closed_form.rms_translation_m / distance_m;
   out.scale = out.closed_form.scale;
   out.scatter = translation + out.closed_form.rms_rotation_rad;
-  out.consistent = static_cast<double>(out.chosen.size()) >= kLeastShare * static_cast<double>(views.size()) &&
-                   out.closed_form.rms_rotation_rad < kMostRotation_rad && translation < kMostTranslation;
+  out.consistent =
+      static_cast<double>(out.chosen.size()) >= kLeastShare * static_cast<double>(views.size()) &&
+      out.closed_form.rms_rotation_rad < kMostRotation_rad && translation < kMostTranslation;
   return out;
 }
 
@@ -112,8 +113,8 @@ std::string sizeText(const BoardSpec& board, double scale) {
 }
 
 std::optional<BoardScale> boardScale(const BoardSpec& board, const CameraModel& camera,
-                                     const std::vector<Observation>& observations, const std::string& camera_name,
-                                     Stream stream, Mount mount) {
+                                     const std::vector<Observation>& observations,
+                                     const std::string& camera_name, Stream stream, Mount mount) {
   const Views views = viewsOf(board, camera, observations, camera_name, stream, mount);
   const Agreement found = agreement(board, views.candidates, true);
   if (!found.consistent || found.chosen.size() < 4) return std::nullopt;
@@ -156,7 +157,8 @@ std::optional<std::string> explainContradiction(const BoardSpec& board, const Ca
       {"", views.candidates},
       {std::string("the poses are the inverse of what the manifest says (pose: eMb for bMe or the other way "
                    "round), or the camera is on the other mount (") +
-           (mount == Mount::kFixed ? "eye_in_hand instead of eye_to_hand" : "eye_to_hand instead of eye_in_hand") +
+           (mount == Mount::kFixed ? "eye_in_hand instead of eye_to_hand"
+                                   : "eye_to_hand instead of eye_in_hand") +
            "), which is the same geometry",
        views.candidates},
       {"the rotations are transposed (rows of the matrix for columns, or the quaternion conjugated)",

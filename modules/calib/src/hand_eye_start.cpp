@@ -161,7 +161,8 @@ double axisSpread(const std::vector<Eigen::Matrix3d>& bRe, double min_rotation_r
   return std::max(0.0, eigen.eigenvalues()[1] / eigen.eigenvalues()[2]);
 }
 
-double cornerDistance(const BoardSpec& board, const Pose<Color, Board>& first, const Pose<Color, Board>& second) {
+double cornerDistance(const BoardSpec& board, const Pose<Color, Board>& first,
+                      const Pose<Color, Board>& second) {
   const Eigen::Vector3d far = board.patternOutline()[2];
   const double x = far.x(), y = far.y();
   const Eigen::Vector3d translation = first.translation() - second.translation();

@@ -16,7 +16,7 @@ namespace servocal::calib {
 /// One possible board pose of a view.
 struct BoardPoseCandidate {
   Pose<Color, Board> cMo;
-  int turn = 0;   ///< Explains the image with the corner ids of this turn of the board (BoardTurns).
+  int turn = 0;  ///< Explains the image with the corner ids of this turn of the board (BoardTurns).
   bool better_fitting = true;  ///< Of the two poses that a plane has, the one that fits the image better.
   double rms_px = 0.0;         ///< BoardPose::rms_px.
 };
@@ -35,7 +35,7 @@ struct HandEyeStart {
   double axis_spread = 0.0;
   Pose<Base, Color> bMc;  ///< Set, like the rest, only if kSolved.
   Pose<EndEffector, Board> eMo;
-  double scale = 1.0;     ///< HandEyeResult::scale.
+  double scale = 1.0;       ///< HandEyeResult::scale.
   std::vector<int> choice;  ///< Per view, the candidate that agrees with the robot; -1 if none does.
 };
 
@@ -48,7 +48,8 @@ int nearestCandidate(const BoardSpec& board, const CandidateView& view, const Po
                      const Pose<EndEffector, Board>& eMo);
 
 /// Mean distance of the pattern's four corners between two board poses, m.
-double cornerDistance(const BoardSpec& board, const Pose<Color, Board>& first, const Pose<Color, Board>& second);
+double cornerDistance(const BoardSpec& board, const Pose<Color, Board>& first,
+                      const Pose<Color, Board>& second);
 
 /// Chooses the candidates that agree with the robot and solves the closed form on them.
 ///

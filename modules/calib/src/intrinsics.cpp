@@ -397,7 +397,8 @@ IntrinsicsOutcome solveIntrinsics(const BoardSpec& board, const std::vector<Obse
       }
     }
   }
-  for (int round = 0; fit && round < 10; ++round) {
+  std::vector<bool> heard(all.size(), false);
+  for (int round = 0; fit && round < 20; ++round) {
     State next = fit->state;
     bool changed = leaveWrongPoses(board, problem, views, next);
     if (options.prior) {
@@ -414,31 +415,40 @@ IntrinsicsOutcome solveIntrinsics(const BoardSpec& board, const std::vector<Obse
       std::vector<double> rms_px = judged.rms_px, sharpness_px;
       std::vector<bool> in(all.size(), false);
       for (std::size_t i = 0; i < views.size(); ++i) {
-        const auto k = std::find_if(all.begin(), all.end(), [&](const View& view) {
-                         return view.report == views[i].report;
-                       }) - all.begin();
+        const auto k = std::find_if(all.begin(), all.end(),
+                                    [&](const View& view) { return view.report == views[i].report; }) -
+                       all.begin();
         rms_px[k] = problem.viewRmsPx(next, i);
         sharpness_px.push_back(claimedSigmaPx(views[i].seen->detection));
         in[k] = true;
       }
       const double usual_px = median(rms_px), usual_sigma_px = median(sharpness_px);
       const double limit_px = outlierLimitPx(rms_px, options.outlier_ratio);
+      std::vector<bool> stays, blurred;
+      for (std::size_t i = 0; i < all.size(); ++i) {
+        blurred.push_back(usual_sigma_px > 0 &&
+                          claimedSigmaPx(all[i].seen->detection) > kBlurRatio * usual_sigma_px &&
+                          rms_px[i] > std::max(0.15, 2.5 * usual_px));
+        stays.push_back(rms_px[i] <= limit_px && !blurred[i]);
+      }
+      changed = changed || stays != in;
+      // Who had no say in the camera fits it worse. Before that counts against a view, it gets a say, once.
+      for (std::size_t i = 0; i < all.size() && !changed; ++i) {
+        if (stays[i] || blurred[i] || heard[i] || rms_px[i] > 2.0 * limit_px) continue;
+        stays[i] = heard[i] = true;
+        changed = true;
+      }
       State kept{next.camera, {}};
       std::size_t at = 0;
       views.clear();
       for (std::size_t i = 0; i < all.size(); ++i) {
-        const BoardDetection& detection = all[i].seen->detection;
-        const bool blurred = usual_sigma_px > 0 && claimedSigmaPx(detection) > kBlurRatio * usual_sigma_px &&
-                             rms_px[i] > 2.5 * usual_px;
-        const bool stays = rms_px[i] <= limit_px && !blurred;
-        changed = changed || stays != in[i];
         ViewResidual& report = result.views[all[i].report];
         report = {report.observation_id, report.name, rms_px[i], true, "", ViewCause::kNone};
-        if (stays) {
+        if (stays[i]) {
           views.push_back(all[i]);
           kept.cMo.push_back(in[i] ? next.cMo[at] : judged.cMo[i]);
         } else {
-          explainImage(detection, usual_sigma_px, usual_px, rms_px[i], report);
+          explainImage(all[i].seen->detection, usual_sigma_px, usual_px, rms_px[i], report);
         }
         if (in[i]) ++at;
       }

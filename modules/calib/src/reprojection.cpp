@@ -327,8 +327,8 @@ std::optional<Solved> solveGated(Problem& problem, const std::vector<View>& view
 
 /// Solves once more with the views that were left out, each in the one of its poses that is nearest.
 void keepAll(const BoardSpec& board, Problem& problem, const std::vector<View>& views,
-             const std::vector<CandidateView>& candidates, Solved& solved, std::vector<Eigen::Isometry3d>& seen_cMo,
-             std::vector<bool>& seen) {
+             const std::vector<CandidateView>& candidates, Solved& solved,
+             std::vector<Eigen::Isometry3d>& seen_cMo, std::vector<bool>& seen) {
   State state{solved.fit.state.lMc, solved.fit.state.rMo, {}};
   std::vector<View> all;
   for (std::size_t i = 0; i < views.size(); ++i) {
@@ -457,8 +457,8 @@ HandEyeOutcome solveHandEyeReprojection(const BoardSpec& board, const CameraMode
   std::vector<CandidateView> candidates;  // filled only where they are needed
   const auto findCandidates = [&] {
     for (const View& view : views) {
-      candidates.push_back(candidateView(board, problem.turns(), camera, *view.detection,
-                                         Pose<Base, EndEffector>(view.lMr)));
+      candidates.push_back(
+          candidateView(board, problem.turns(), camera, *view.detection, Pose<Base, EndEffector>(view.lMr)));
     }
   };
   if (!solved) {

@@ -74,8 +74,8 @@ void explainImage(const BoardDetection& detection, double sharpness_px, double u
              " times less sharp than the others' and fit worse (" + residual + ")");
   } else {
     name(report, ViewCause::kCorners,
-         "another board, another camera, or wrong corners: no pose of the board explains its image (" + residual +
-             ")");
+         "another board, another camera, or wrong corners: no pose of the board explains its image (" +
+             residual + ")");
   }
 }
 
@@ -117,7 +117,8 @@ void explainLeftOut(const BoardSpec& board, Mount mount, const Eigen::Isometry3d
     if (worse_m > 0.3 * better_m) worse_m = cornerDistance(board, predicted, mirrored(better->cMo));
     if (worse_m < 0.3 * better_m && worse_m < 0.02 * predicted.translation().norm()) {
       name(reports[i], ViewCause::kPoseFlip,
-           "pose flip: its robot pose goes with the mirrored one of the two poses of a plane, tilted the other way; "
+           "pose flip: its robot pose goes with the mirrored one of the two poses of a plane, tilted the "
+           "other way; "
            "its image does not");
       continue;
     }
@@ -129,7 +130,8 @@ void explainLeftOut(const BoardSpec& board, Mount mount, const Eigen::Isometry3d
                " times less sharp than the others', and it is " + distanceText(given, implied) + " off");
       continue;
     }
-    std::string reason = "wrong robot pose: it is " + distanceText(given, implied) + " from where the image puts the arm";
+    std::string reason =
+        "wrong robot pose: it is " + distanceText(given, implied) + " from where the image puts the arm";
     // The pose of another view, or its own inverse, must explain it far better to be named.
     const double limit = std::min(0.25 * difference(given, implied), 10.0 * tolerance_m);
     double least = limit;

@@ -84,7 +84,8 @@ std::string comparisonText(const IntrinsicsResult& without, const IntrinsicsResu
     const double value = without.camera.parameters[i], other = with.camera.parameters[i];
     const std::string& name = parameterNames(without.camera.lens)[static_cast<std::size_t>(i)];
     text += format("    %-16s", (name + ", px").c_str()) + valueText(value, without.sigma[i], 2) +
-            valueText(other, with.sigma[i], 2) + format("   %.1f sigma\n", std::abs(other - value) / without.sigma[i]);
+            valueText(other, with.sigma[i], 2) +
+            format("   %.1f sigma\n", std::abs(other - value) / without.sigma[i]);
   }
   return text;
 }
@@ -95,7 +96,8 @@ std::string comparisonText(const HandEyeSolution& without, const HandEyeSolution
   text += format("    %-16s%24.2f%24.2f\n", "scatter, mm", without.scatter_m * 1e3, with.scatter_m * 1e3);
   for (int i = 0; i < 3; ++i) {
     const double value = without.camera_pose.translation()[i], other = with.camera_pose.translation()[i];
-    text += format("    camera %c, mm    ", "xyz"[i]) + valueText(value * 1e3, without.camera_sigma[i] * 1e3, 2) +
+    text += format("    camera %c, mm    ", "xyz"[i]) +
+            valueText(value * 1e3, without.camera_sigma[i] * 1e3, 2) +
             valueText(other * 1e3, with.camera_sigma[i] * 1e3, 2) +
             format("   %.1f sigma\n", std::abs(other - value) / without.camera_sigma[i]);
   }
@@ -155,7 +157,8 @@ std::string summary(const CalibrationResult& result) {
     }
     if (camera.hand_eye) {
       text += "  Hand-eye\n" + handEyeText(*camera.hand_eye) + rejectedText(camera.hand_eye->views);
-      if (camera.hand_eye_with_outliers) text += comparisonText(*camera.hand_eye, *camera.hand_eye_with_outliers);
+      if (camera.hand_eye_with_outliers)
+        text += comparisonText(*camera.hand_eye, *camera.hand_eye_with_outliers);
     }
     for (const std::string& note : camera.notes) text += "  Note: " + note + ".\n";
     if (camera.coverage) text += coverageText(*camera.coverage);

@@ -401,7 +401,8 @@ std::vector<PoseReading> otherReadings(const PoseFormat& format, const fs::path&
     PoseFormat other = format;
     other.degrees = !format.degrees;
     others.emplace_back(std::string("the angles are in ") +
-                            (other.degrees ? "degrees (angle_unit: deg)" : "radians (angle_unit: rad)"), other);
+                            (other.degrees ? "degrees (angle_unit: deg)" : "radians (angle_unit: rad)"),
+                        other);
     const std::vector<std::string> components = componentNames(format);
     for (const std::string& order : eulerOrders()) {
       other = format;
@@ -431,7 +432,8 @@ std::vector<PoseReading> otherReadings(const PoseFormat& format, const fs::path&
     for (BasePose& bMe : reading.bMe) {
       const BasePose stored = format.end_effector_in_base ? bMe : relabel<Base, EndEffector>(bMe.inverse());
       const Eigen::Quaterniond q = stored.quaternion();
-      const auto pose = BasePose::fromQuaternion(Eigen::Quaterniond(q.x(), q.y(), q.z(), q.w()), stored.translation());
+      const auto pose =
+          BasePose::fromQuaternion(Eigen::Quaterniond(q.x(), q.y(), q.z(), q.w()), stored.translation());
       bMe = format.end_effector_in_base ? pose : relabel<Base, EndEffector>(pose.inverse());
     }
     readings.push_back(std::move(reading));

@@ -52,7 +52,8 @@ TEST(ExplainContradiction, NamesInvertedPosesAndTheOtherMount) {
       }
       const std::string text = explain(wrong);
       expectHas(text, "inverse");
-      expectHas(text, mount == Mount::kFixed ? "eye_in_hand instead of eye_to_hand" : "eye_to_hand instead of");
+      expectHas(text,
+                mount == Mount::kFixed ? "eye_in_hand instead of eye_to_hand" : "eye_to_hand instead of");
     }
   }
 }
@@ -91,7 +92,8 @@ TEST(ExplainContradiction, NamesTheSquareSize) {
   for (const Mount mount : {Mount::kFixed, Mount::kFlange}) {
     for (const double scale : {1.5, 25.4 / 30.0, 0.5}) {
       for (std::uint64_t seed = 1; seed <= 5; ++seed) {
-        const std::string text = explain(stretched(scene(seed, mount), scale)), words = "the squares measure ";
+        const std::string text = explain(stretched(scene(seed, mount), scale)),
+                          words = "the squares measure ";
         ASSERT_EQ(text.find(words), 0u) << text;
         EXPECT_NEAR(std::stod(text.substr(words.size())), 30.0 * scale, 0.01 * 30.0 * scale) << text;
       }
@@ -123,8 +125,8 @@ TEST(BoardScaleByMotion, IsFoundWithinItsSigma) {
       constexpr int kSeeds = 20;
       for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
         const test::Scene wrong = stretched(scene(seed, mount), truth);
-        const auto found = boardScale(wrong.board, wrong.camera, wrong.observations, test::kCamera,
-                                      Stream::kColor, mount);
+        const auto found =
+            boardScale(wrong.board, wrong.camera, wrong.observations, test::kCamera, Stream::kColor, mount);
         ASSERT_TRUE(found.has_value());
         EXPECT_LT(found->sigma, 0.01 * truth);
         z_squares += std::pow((found->scale - truth) / found->sigma, 2);
@@ -139,7 +141,8 @@ TEST(BoardScaleByMotion, IsFoundWithinItsSigma) {
 TEST(BoardScaleByMotion, IsNothingWhereTheRobotDoesNotSay) {
   EXPECT_FALSE(boardScale({}, test::hdCamera(), {}, test::kCamera, Stream::kColor, Mount::kFixed));
   test::Scene few = scene(3, Mount::kFixed, 3);
-  EXPECT_FALSE(boardScale(few.board, few.camera, few.observations, test::kCamera, Stream::kColor, Mount::kFixed));
+  EXPECT_FALSE(
+      boardScale(few.board, few.camera, few.observations, test::kCamera, Stream::kColor, Mount::kFixed));
 }
 
 }  // namespace

@@ -21,10 +21,12 @@ using Injected = std::map<std::size_t, std::set<ViewCause>>;  // by view, the ca
 void expectNamed(const std::vector<ViewResidual>& views, const Injected& injected, std::uint64_t seed) {
   for (std::size_t i = 0; i < views.size(); ++i) {
     const auto bad = injected.find(i);
-    EXPECT_EQ(views[i].used, bad == injected.end()) << "seed " << seed << ", view " << i << ": " << views[i].reason;
+    EXPECT_EQ(views[i].used, bad == injected.end())
+        << "seed " << seed << ", view " << i << ": " << views[i].reason;
     EXPECT_EQ(views[i].reason.empty(), views[i].used);
     if (views[i].used || bad == injected.end()) continue;
-    EXPECT_TRUE(bad->second.count(views[i].cause)) << "seed " << seed << ", view " << i << ": " << views[i].reason;
+    EXPECT_TRUE(bad->second.count(views[i].cause))
+        << "seed " << seed << ", view " << i << ": " << views[i].reason;
   }
 }
 
@@ -120,7 +122,8 @@ TEST(Outliers, ATerribleViewHidesNoBadOne) {
     const IntrinsicsOutcome outcome =
         solveIntrinsics(scene.board, scene.observations, test::kCamera, Stream::kColor);
     ASSERT_EQ(outcome.status, IntrinsicsStatus::kSolved) << toString(outcome.status) << " seed " << seed;
-    expectNamed(outcome.result->views, {{bad[0], {ViewCause::kCorners}}, {bad[1], {ViewCause::kCorners}}}, seed);
+    expectNamed(outcome.result->views, {{bad[0], {ViewCause::kCorners}}, {bad[1], {ViewCause::kCorners}}},
+                seed);
   }
 }
 
@@ -130,7 +133,8 @@ TEST(Outliers, NoneAmongPerfectViews) {
     test::SceneOptions options;
     options.views = 12;
     test::Scene scene = test::makeScene(7000 + seed, options);
-    for (Corner& corner : detectionOf(scene, 3).corners) corner.pixel.x() += corner.id % 2 == 0 ? 0.02 : -0.02;
+    for (Corner& corner : detectionOf(scene, 3).corners)
+      corner.pixel.x() += corner.id % 2 == 0 ? 0.02 : -0.02;
     const IntrinsicsOutcome outcome =
         solveIntrinsics(scene.board, scene.observations, test::kCamera, Stream::kColor);
     ASSERT_EQ(outcome.status, IntrinsicsStatus::kSolved);
@@ -156,8 +160,8 @@ Injected spoilPoses(test::Scene& scene, std::uint64_t seed, std::map<std::size_t
   injected[views[2]] = {ViewCause::kRobotPose};
   words[views[2]] = "inverse";
   // 6 mm beside where it was.
-  bMe(views[3]) = bMe(views[3]) *
-                  Pose<EndEffector, EndEffector>::fromRotationVector({0, 0, 0}, {0.006 * (random() % 2 ? 1 : -1), 0, 0});
+  bMe(views[3]) = bMe(views[3]) * Pose<EndEffector, EndEffector>::fromRotationVector(
+                                      {0, 0, 0}, {0.006 * (random() % 2 ? 1 : -1), 0, 0});
   injected[views[3]] = {ViewCause::kRobotPose};
   words[views[3]] = "mm and 0.";
   // Wrong corners.
@@ -170,9 +174,8 @@ Injected spoilPoses(test::Scene& scene, std::uint64_t seed, std::map<std::size_t
   if (poses.size() == 2 && angleRad(poses[0].cMo, poses[1].cMo) > 0.3) {
     const Eigen::Isometry3d& mirrored = poses[1].cMo.isometry();
     bMe(views[5]) = Pose<Base, EndEffector>(
-        scene.mount == Mount::kFixed
-            ? scene.camera_pose * mirrored * scene.board_pose.inverse()
-            : scene.board_pose * mirrored.inverse() * scene.camera_pose.inverse());
+        scene.mount == Mount::kFixed ? scene.camera_pose * mirrored * scene.board_pose.inverse()
+                                     : scene.board_pose * mirrored.inverse() * scene.camera_pose.inverse());
     injected[views[5]] = {ViewCause::kPoseFlip};
   }
   return injected;
@@ -203,7 +206,8 @@ TEST(Outliers, OfTheHandEyeAreNamedWithTheirCause) {
         EXPECT_NE(outcome.solution->views[view].reason.find(word), std::string::npos)
             << "seed " << seed << ": " << outcome.solution->views[view].reason << " lacks " << word;
       }
-      EXPECT_LT((outcome.solution->camera_pose.translation() - scene.camera_pose.translation()).norm(), 0.001);
+      EXPECT_LT((outcome.solution->camera_pose.translation() - scene.camera_pose.translation()).norm(),
+                0.001);
 
       // With all of them the answer is another, and every view is in it.
       solve.keep_outliers = true;
@@ -230,7 +234,8 @@ TEST(Outliers, FlippedPosesAreResolvedByTheRobot) {
     int wrong = 0;
     for (std::size_t i = 0; i < scene.observations.size(); ++i) {
       const auto poses = boardPoses(scene.board, scene.camera, scene.observations[i].views[0].detection);
-      wrong += poses.size() == 2 && angleRad(poses[1].cMo, scene.cMo[i]) < 0.5 * angleRad(poses[0].cMo, scene.cMo[i]);
+      wrong += poses.size() == 2 &&
+               angleRad(poses[1].cMo, scene.cMo[i]) < 0.5 * angleRad(poses[0].cMo, scene.cMo[i]);
     }
     const HandEyeOutcome outcome = solveHandEyeReprojection(scene.board, scene.camera, scene.observations,
                                                             test::kCamera, Stream::kColor, {});
@@ -260,7 +265,9 @@ std::vector<Symmetric> symmetricBoards() {
   asymmetric.circles_x = 4;
   asymmetric.circles_y = 10;
   asymmetric.asymmetric = true;
-  std::vector<Symmetric> boards = {{"7 x 5 squares", {}, 2}, {"7 x 7 squares", {}, 4}, {"6 x 6 circles", {}, 4},
+  std::vector<Symmetric> boards = {{"7 x 5 squares", {}, 2},
+                                   {"7 x 7 squares", {}, 4},
+                                   {"6 x 6 circles", {}, 4},
                                    {"4 x 10 asymmetric circles", {}, 2}};
   boards[0].board.pattern = plain;
   boards[1].board.pattern = square;
@@ -291,8 +298,8 @@ TEST(SymmetricBoards, AreTurnedByTheRobot) {
       }
       ReprojectionOptions solve;
       for (const bool warm : {false, true}) {
-        const HandEyeOutcome outcome = solveHandEyeReprojection(
-            scene.board, scene.camera, scene.observations, test::kCamera, Stream::kColor, solve);
+        const HandEyeOutcome outcome = solveHandEyeReprojection(scene.board, scene.camera, scene.observations,
+                                                                test::kCamera, Stream::kColor, solve);
         ASSERT_EQ(outcome.status, HandEyeStatus::kSolved) << symmetric.name << ", seed " << seed;
         const HandEyeSolution& solution = *outcome.solution;
         expectNamed(solution.views, {}, seed);
@@ -300,7 +307,9 @@ TEST(SymmetricBoards, AreTurnedByTheRobot) {
         EXPECT_EQ(solution.resolved_turns, turned) << symmetric.name << (warm ? " warm" : " cold");
         EXPECT_LT((solution.camera_pose.translation() - scene.camera_pose.translation()).norm(), 0.002);
         EXPECT_LT(angleRad(Pose<EndEffector, Board>(solution.board_pose),
-                           Pose<EndEffector, Board>(scene.board_pose)), 0.02) << symmetric.name;
+                           Pose<EndEffector, Board>(scene.board_pose)),
+                  0.02)
+            << symmetric.name;
         EXPECT_LT(solution.scatter_rad, 0.02);
         solve.start = solution;
       }
@@ -322,11 +331,13 @@ TEST(PartialViews, OfATagGridAreSolved) {
       // Tags in a random half of the board; in one view two tags only.
       auto& corners = detectionOf(scene, i).corners;
       const double angle = 0.3 * static_cast<double>(random() % 21);
-      corners.erase(std::remove_if(corners.begin(), corners.end(), [&](const Corner& corner) {
-        const Eigen::Vector3d tag = board.corner(corner.id / 4 * 4);
-        if (i == 7) return corner.id / 4 != 3 && corner.id / 4 != 20;
-        return tag.x() * std::cos(angle) + tag.y() * std::sin(angle) > 0.01;
-      }), corners.end());
+      corners.erase(std::remove_if(corners.begin(), corners.end(),
+                                   [&](const Corner& corner) {
+                                     const Eigen::Vector3d tag = board.corner(corner.id / 4 * 4);
+                                     if (i == 7) return corner.id / 4 != 3 && corner.id / 4 != 20;
+                                     return tag.x() * std::cos(angle) + tag.y() * std::sin(angle) > 0.01;
+                                   }),
+                    corners.end());
       ASSERT_GE(corners.size(), 8u);
     }
     const IntrinsicsOutcome intrinsics =
@@ -337,8 +348,8 @@ TEST(PartialViews, OfATagGridAreSolved) {
       EXPECT_LT(std::abs(intrinsics.result->camera.parameters[p] - scene.camera.parameters[p]),
                 4.5 * intrinsics.result->sigma[p]);
     }
-    const HandEyeOutcome outcome = solveHandEyeReprojection(board, intrinsics.result->camera, scene.observations,
-                                                            test::kCamera, Stream::kColor, {});
+    const HandEyeOutcome outcome = solveHandEyeReprojection(
+        board, intrinsics.result->camera, scene.observations, test::kCamera, Stream::kColor, {});
     ASSERT_EQ(outcome.status, HandEyeStatus::kSolved) << toString(outcome.status);
     expectNamed(outcome.solution->views, {}, seed);
     EXPECT_EQ(outcome.solution->symmetric_views, 0);

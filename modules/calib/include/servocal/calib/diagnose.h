@@ -14,7 +14,7 @@ namespace servocal::calib {
 
 /// Another way to read the robot's poses.
 struct RobotReading {
-  std::string what;  ///< Completes "robot and images agree if ...".
+  std::string what;                                         ///< Completes "robot and images agree if ...".
   std::vector<std::optional<Pose<Base, EndEffector>>> bMe;  ///< Per observation; nothing where it has none.
 };
 
@@ -26,8 +26,8 @@ struct RobotReading {
 ///
 /// @throws std::invalid_argument if a robot pose is not finite or a corner id is not the board's.
 std::optional<BoardScale> boardScale(const BoardSpec& board, const CameraModel& camera,
-                                     const std::vector<Observation>& observations, const std::string& camera_name,
-                                     Stream stream, Mount mount);
+                                     const std::vector<Observation>& observations,
+                                     const std::string& camera_name, Stream stream, Mount mount);
 
 /// Why robot poses and images contradict each other, where the data betray it: a clause that completes
 /// "robot and images agree if ...". Nothing if they agree as they are, or in no way that is tried.

@@ -65,7 +65,7 @@ struct IntrinsicsOutcome {
 /// up to a third of the views may be wrong in any way. Where views disagree the camera is first sought by
 /// samples of views (least median of squares; Rousseeuw, JASA 79, 1984), and every view is judged anew in
 /// each round. A view is blurred if its claimed corner sigma is three times the others' and its residual
-/// 2.5 times.
+/// 2.5 times and more than 0.15 px.
 ///
 /// Uses the views of one camera and stream, all of one image size; IntrinsicsResult::views keeps their
 /// order. The answer does not depend on it.
