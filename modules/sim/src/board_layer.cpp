@@ -156,6 +156,8 @@ InkPattern BoardLayer::inkSeen(const Eigen::Isometry3d& cMo) const {
   InkPattern pattern{};
   fromRay(cMo, board_.outline().front(), pattern.from_ray);
   pattern.integral = ink_->integral();
+  pattern.tone = ink_->tone();
+  pattern.reach = static_cast<float>(InkMap::kReach);
   pattern.width = ink_->width();
   pattern.height = ink_->height();
   pattern.white = static_cast<float>(front ? kWhiteGray : kBackGray);

@@ -61,6 +61,14 @@ InkMap::InkMap(const BoardSpec& board) {
   cv::Mat bytes;
   ink.convertTo(bytes, CV_8UC1, 255.0);
   cv::integral(bytes, integral_, CV_32S);
+
+  cv::Mat darkest, lightest;
+  const cv::Mat window = cv::getStructuringElement(cv::MORPH_RECT, {2 * kReach + 1, 2 * kReach + 1});
+  cv::dilate(bytes, darkest, window);
+  cv::erode(bytes, lightest, window);
+  tone_ = cv::Mat(bytes.size(), CV_8UC1, cv::Scalar(kMixed));
+  tone_.setTo(kWhite, darkest == 0);
+  tone_.setTo(kBlack, lightest == 255);
 }
 
 }  // namespace servocal::sim

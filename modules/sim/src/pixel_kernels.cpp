@@ -109,7 +109,15 @@ void addBoardRow(const InkPattern& pattern, const BoardRow& row, float weight, f
     const float per_u = 1.0F / row.footprint_u[i], per_v = 1.0F / row.footprint_v[i];
     const float plate = covered(u, half_u, per_u, 0.0F, width) * covered(v, half_v, per_v, 0.0F, height);
     if (!(plate > 0.0F)) continue;
-    const float dark = inkIn(p, u - half_u, u + half_u, v - half_v, v + half_v) * (per_u * per_v / 255.0F);
+    float dark = 0.0F;
+    const auto column = static_cast<int>(clamped(u, 0.0F, width - 1.0F));
+    const auto line = static_cast<int>(clamped(v, 0.0F, height - 1.0F));
+    const std::uint8_t tone = p.tone[static_cast<std::ptrdiff_t>(line) * p.width + column];
+    if ((tone == 0 || tone == 255) && larger(half_u, half_v) < p.reach - 1.0F) {
+      dark = tone == 0 ? 0.0F : plate;
+    } else {
+      dark = inkIn(p, u - half_u, u + half_u, v - half_v, v + half_v) * (per_u * per_v / 255.0F);
+    }
     const float gray = p.white * plate + (p.black - p.white) * dark;
     color[i] += weight * (gray * row.light[i] + plate * row.highlight[i]);
     alpha[i] += weight * plate;

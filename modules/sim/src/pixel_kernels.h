@@ -22,6 +22,8 @@ struct InkPattern {
   const std::int32_t* integral;  ///< (height + 1) x (width + 1); ink from the origin to a texel's upper left,
                                  ///< 255 per black texel.
   int width, height;             ///< Of the plate.
+  const std::uint8_t* tone;      ///< height x width: 0 or 255 where all within `reach` is white or black.
+  float reach;                   ///< texels
   float white, black;
 };
 
