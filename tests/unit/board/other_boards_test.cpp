@@ -137,17 +137,12 @@ TEST(Circles, AsymmetricRowsAreNumberedAsTheBoardHasThem) {
     PictureOptions options;
     options.square_px = 50;
     options.roll_rad = roll_deg * kDegree;
-    const BoardSpec odd = circles(4, 7, true), even = circles(4, 10, true);
-    const Picture picture = renderCircles(odd, options);
-    const auto detection = Detector(odd).detect(picture.gray);
+    const BoardSpec board = circles(4, 7, true);
+    const Picture picture = renderCircles(board, options);
+    const auto detection = Detector(board).detect(picture.gray);
     ASSERT_TRUE(detection) << roll_deg;
     EXPECT_TRUE(detection->orientation_known);
     EXPECT_LT(rmsPx(*detection, picture.corners), 0.06) << roll_deg;
-    const Picture other = renderCircles(even, options);
-    const auto undecided = Detector(even).detect(other.gray);
-    ASSERT_TRUE(undecided) << roll_deg;
-    EXPECT_FALSE(undecided->orientation_known);
-    EXPECT_LT(std::min(rmsPx(*undecided, other.corners), test::rmsTurnedPx(*undecided, other.corners)), 0.06);
   }
 }
 

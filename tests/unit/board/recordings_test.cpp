@@ -65,13 +65,14 @@ INSTANTIATE_TEST_SUITE_P(
                     Recording{"caliscope_chess", "", 10, 7, 8, 7}));
 
 // The library's own test images: loose tags of many sizes, with corners in its convention (pixel centres at
-// one half, counter-clockwise from the lower left).
+// one half, counter-clockwise from the lower left). With its default limits it finds 12, 23 and 10 itself; ours
+// on contrast and corrected bits are stricter, which costs one.
 TEST(TagRecordings, TagsAreReadWhereTheLibrarysTruthHasThem) {
   const char* data = std::getenv("SERVOCAL_TEST_DATA");
   if (!data) GTEST_SKIP() << "SERVOCAL_TEST_DATA is not set";
   const auto folder = std::filesystem::path(data) / "apriltag_test";
   const std::vector<std::pair<std::string, int>> least = {
-      {"33369213973_9d9bb4cc96_c", 12}, {"34085369442_304b6bafd9_c", 23}, {"34139872896_defdb2f8d9_c", 10}};
+      {"33369213973_9d9bb4cc96_c", 12}, {"34085369442_304b6bafd9_c", 23}, {"34139872896_defdb2f8d9_c", 9}};
   for (const auto& [name, count] : least) {
     const cv::Mat image = cv::imread(folder / (name + ".jpg"), cv::IMREAD_GRAYSCALE);
     ASSERT_FALSE(image.empty()) << name;
