@@ -105,7 +105,16 @@ INSTANTIATE_TEST_SUITE_P(
                                  {"cy_px", 245.9350},
                                  {"k1", -0.35300},
                                  {"k2", 0.16297}}},
-                      Reference{"mrpt_left", 4, 0.16, {}}),
+                      Reference{"mrpt_left", 4, 0.16, {}}, Reference{"yz_aruco_grid", 7, 0.90, {}},
+                      Reference{"yz_charuco",
+                                7,
+                                0.330,
+                                {{"fx_px", 790.7}, {"fy_px", 796.0}, {"cx_px", 510.8}, {"cy_px", 379.4}}},
+                      Reference{"boofcv_circles", 6, 0.50, {}},
+                      Reference{"rct_10x10",
+                                15,
+                                std::nullopt,
+                                {{"fx_px", 542.3}, {"fy_px", 543.5}, {"cx_px", 320.5}, {"cy_px", 226.0}}}),
     [](const auto& set) { return std::string(set.param.manifest); });
 
 // Published limit of the source: hand-eye RMS below 1 px. Measured: eMc (94.5, -7.9, 133.4) mm, scatter of
@@ -163,6 +172,66 @@ INSTANTIATE_TEST_SUITE_P(Recordings, RealPair,
                          ::testing::Values(PairReference{"opencv_stereo", 13, 0.0832, 0.0002, 0.217},
                                            PairReference{"bumblebee_stereo", 11, 0.12005, 0.0003, 0.10}),
                          [](const auto& set) { return std::string(set.param.manifest); });
+
+// Measured: bMc (576, 574, 402) mm; board poses spread by 5.4 mm after the closed form. Published limit: 2 px.
+TEST(RealDataHandEye, OneMarkerOnTheArm) {
+  const auto data = dataFolder();
+  if (!data) GTEST_SKIP() << "SERVOCAL_TEST_DATA is not set";
+  const Json result = solve("yz_eye_to_hand", *data);
+  ASSERT_FALSE(result.is_null());
+  const Json& hand_eye = result["cameras"][0]["hand_eye"];
+  EXPECT_EQ(hand_eye["views_used"], 8);
+  EXPECT_LT(hand_eye["rms_px"].get<double>(), 2.0);
+  EXPECT_LT(hand_eye["scatter_m"].get<double>(), 0.0054);
+  const double reference_m[3] = {0.576, 0.574, 0.402};
+  for (std::size_t i = 0; i < 3; ++i)
+    EXPECT_NEAR(hand_eye["camera_pose"]["translation_m"][i].get<double>(), reference_m[i], 0.0054) << "axis " << i;
+}
+
+// Measured: 20 of 20, board poses spread by 1.7 mm and 1.0 degree.
+TEST(RealDataHandEye, CirclesLitFromBehind) {
+  const auto data = dataFolder();
+  if (!data) GTEST_SKIP() << "SERVOCAL_TEST_DATA is not set";
+  const Json result = solve("zhangnatha", *data);
+  ASSERT_FALSE(result.is_null());
+  const Json& hand_eye = result["cameras"][0]["hand_eye"];
+  EXPECT_EQ(hand_eye["views_used"], 20);
+  EXPECT_LT(hand_eye["scatter_m"].get<double>(), 0.0017);
+  EXPECT_LT(hand_eye["scatter_deg"].get<double>(), 1.0);
+}
+
+// Published: robot and camera agree only to 12 mm and 2.1 degrees.
+TEST(RealDataHandEye, CirclesWithABiggerCorner) {
+  const auto data = dataFolder();
+  if (!data) GTEST_SKIP() << "SERVOCAL_TEST_DATA is not set";
+  const Json result = solve("rct_10x10", *data);
+  ASSERT_FALSE(result.is_null());
+  const Json& hand_eye = result["cameras"][0]["hand_eye"];
+  EXPECT_EQ(hand_eye["views_used"], 15);
+  EXPECT_LT(hand_eye["scatter_m"].get<double>(), 0.012);
+  EXPECT_LT(hand_eye["scatter_deg"].get<double>(), 2.1);
+}
+
+std::vector<std::size_t> cornersPerImage(const std::string& manifest, const std::string& data) {
+  std::vector<std::size_t> counts;
+  const auto images = session::loadImageSet(SERVOCAL_MANIFESTS "/" + manifest + ".yaml", data);
+  for (const Observation& observation : procedure::detectImages(images))
+    counts.push_back(observation.views.empty() ? 0 : observation.views[0].detection.corners.size());
+  return counts;
+}
+
+// OpenCV's own detectors of tags and ChArUco corners on the same images.
+TEST(RealDataDetection, AtLeastAsManyCornersAsTheReference) {
+  const auto data = dataFolder();
+  if (!data) GTEST_SKIP() << "SERVOCAL_TEST_DATA is not set";
+  const std::vector<std::pair<const char*, std::vector<std::size_t>>> references = {
+      {"yz_aprilgrid", {4 * 35, 4 * 33, 4 * 33, 4 * 36}}, {"azure_color", {87}}, {"azure_infrared", {94}}};
+  for (const auto& [manifest, reference] : references) {
+    const auto counts = cornersPerImage(manifest, *data);
+    ASSERT_EQ(counts.size(), reference.size()) << manifest;
+    for (std::size_t k = 0; k < counts.size(); ++k) EXPECT_GE(counts[k], reference[k]) << manifest << " " << k;
+  }
+}
 
 // Four cameras of one kind in one folder: no common intrinsics, but the boards count.
 TEST(RealDataDetection, CaliscopeBoards) {

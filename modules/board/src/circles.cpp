@@ -230,16 +230,51 @@ class CircleFinder final : public Finder {
   std::optional<BoardDetection> find(const cv::Mat& gray, int shrink, const Vector2d& offset) {
     cv::Mat small = gray;
     if (shrink > 1) cv::resize(gray, small, cv::Size(), 1.0 / shrink, 1.0 / shrink, cv::INTER_AREA);
-    std::vector<cv::Point2f> found;
-    const int kind = grid_.asymmetric ? cv::CALIB_CB_ASYMMETRIC_GRID : cv::CALIB_CB_SYMMETRIC_GRID;
-    const cv::Size size(grid_.circles_x, grid_.circles_y);
-    if (!cv::findCirclesGrid(small, size, found, kind, blobDetector(small.size())) &&
-        !cv::findCirclesGrid(small, size, found, kind | cv::CALIB_CB_CLUSTERING, blobDetector(small.size())))
-      return std::nullopt;
-    std::vector<Vector2d> pixels;
-    for (const cv::Point2f& p : found)
-      pixels.push_back((Vector2d(p.x, p.y) + Vector2d::Constant(0.5)) * shrink - Vector2d::Constant(0.5));
-    return accept(gray, numberings(pixels), offset);
+    std::vector<cv::KeyPoint> blobs;
+    blobDetector(small.size())->detect(small, blobs);
+    for (const std::vector<cv::Point2f>& group : groupsOf(blobs)) {
+      std::vector<cv::Point2f> found;
+      const int kind = grid_.asymmetric ? cv::CALIB_CB_ASYMMETRIC_GRID : cv::CALIB_CB_SYMMETRIC_GRID;
+      const cv::Size size(grid_.circles_x, grid_.circles_y);
+      if (!cv::findCirclesGrid(group, size, found, kind, nullptr) &&
+          !cv::findCirclesGrid(group, size, found, kind | cv::CALIB_CB_CLUSTERING, nullptr))
+        continue;
+      std::vector<Vector2d> pixels;
+      for (const cv::Point2f& p : found)
+        pixels.push_back((Vector2d(p.x, p.y) + Vector2d::Constant(0.5)) * shrink - Vector2d::Constant(0.5));
+      if (auto detection = accept(gray, numberings(pixels), offset)) return detection;
+    }
+    return std::nullopt;
+  }
+
+  /// Blobs of like size that stand about as far apart as the board's discs, if they are enough for a board:
+  /// the grid finder is confused by other dots in the image.
+  std::vector<std::vector<cv::Point2f>> groupsOf(const std::vector<cv::KeyPoint>& blobs) const {
+    const double apart = (grid_.asymmetric ? M_SQRT1_2 : 1.0) * grid_.spacing_m / grid_.diameter_m;
+    const double ratio = 1.6 * grid_.bigger_corner_ratio;
+    const auto belong = [&](const cv::KeyPoint& a, const cv::KeyPoint& b) {
+      const double small = std::min(a.size, b.size), large = std::max(a.size, b.size);
+      return large < ratio * small && cv::norm(a.pt - b.pt) < 2.0 * apart * large;
+    };
+    std::vector<std::vector<cv::Point2f>> groups;
+    std::vector<char> taken(blobs.size(), 0);
+    for (std::size_t first = 0; first < blobs.size(); ++first) {
+      if (taken[first]) continue;
+      std::vector<std::size_t> members{first};
+      taken[first] = 1;
+      for (std::size_t k = 0; k < members.size(); ++k) {
+        for (std::size_t other = 0; other < blobs.size(); ++other) {
+          if (taken[other] || !belong(blobs[members[k]], blobs[other])) continue;
+          taken[other] = 1;
+          members.push_back(other);
+        }
+      }
+      if (static_cast<int>(members.size()) < grid_.circles_x * grid_.circles_y) continue;
+      std::vector<cv::Point2f> group;
+      for (const std::size_t k : members) group.push_back(blobs[k].pt);
+      groups.push_back(group);
+    }
+    return groups;
   }
 
   /// Every numbering of what was found that shows the board's front, none of its mirror images.

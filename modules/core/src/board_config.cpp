@@ -89,8 +89,8 @@ Charuco readCharuco(const ConfigReader& section) {
 CircleGrid readCircles(const ConfigReader& section, bool asymmetric) {
   CircleGrid p;
   p.asymmetric = asymmetric;
-  p.circles_x = section.integer("circles_x", {2, 100});
-  p.circles_y = section.integer("circles_y", {2, 100});
+  p.circles_x = section.integer("circles_x", {3, 100});
+  p.circles_y = section.integer("circles_y", {3, 100});
   p.spacing_m = section.number("spacing_m", kSizeM);
   p.diameter_m = section.number("diameter_m", {0.0005, (asymmetric ? 0.7 : 0.95) * p.spacing_m},
                                 (asymmetric ? 0.35 : 0.5) * p.spacing_m);
