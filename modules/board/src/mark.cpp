@@ -18,16 +18,6 @@ double blurredBox(double t, double from, double to, double blur) {
   return 0.5 * (std::erf((t - from) * s) - std::erf((t - to) * s));
 }
 
-std::optional<double> bilinear(const cv::Mat& gray, const Vector2d& p) {
-  if (!(p.x() >= 0 && p.y() >= 0 && p.x() < gray.cols - 1 && p.y() < gray.rows - 1)) return std::nullopt;
-  const int x = static_cast<int>(p.x());
-  const int y = static_cast<int>(p.y());
-  const double fx = p.x() - x, fy = p.y() - y;
-  const uchar* a = gray.ptr<uchar>(y) + x;
-  const uchar* b = gray.ptr<uchar>(y + 1) + x;
-  return (1 - fy) * ((1 - fx) * a[0] + fx * a[1]) + fy * ((1 - fx) * b[0] + fx * b[1]);
-}
-
 // What the corner cell diagonally beyond a corner of the grid looks like.
 struct CornerCell {
   double hollow = 0.0;    // 1: hollow as printed; 0: solid.
