@@ -74,7 +74,9 @@ int countLine(const Lattice& lattice, int i, int j, int di, int dj, int length, 
 // At the grid's four corners, where the hollow square may be: keeps its white inside out of the window.
 void avoidHollow(const Checkerboard& board, int columns, int rows, const Vector2d& at, CornerGuess& guess) {
   if (!board.hollow_corner) return;
-  const auto outwards = [](double place, int count) { return place < 0.5 ? -1 : place > count - 1.5 ? 1 : 0; };
+  const auto outwards = [](double place, int count) {
+    return place < 0.5 ? -1 : place > count - 1.5 ? 1 : 0;
+  };
   const Eigen::Vector2i quadrant(outwards(at.x(), columns), outwards(at.y(), rows));
   if (quadrant.x() == 0 || quadrant.y() == 0) return;
   guess.hollow_quadrant = quadrant;
@@ -129,7 +131,8 @@ bool isEven(const Grid& grid) {
 }
 
 // Mean brightness of the square that lies from a corner towards (du, dv), in signs, near that corner.
-std::optional<double> quadrant(const cv::Mat& gray, const Vector2d& corner, const Eigen::Matrix2d& axes, int du, int dv) {
+std::optional<double> quadrant(const cv::Mat& gray, const Vector2d& corner, const Eigen::Matrix2d& axes,
+                               int du, int dv) {
   double sum = 0.0;
   for (const auto& [u, v] : {std::pair(0.25, 0.5), std::pair(0.4, 0.4), std::pair(0.5, 0.25)}) {
     const auto value = bilinear(gray, corner + axes * Vector2d(du * u, dv * v));
@@ -238,7 +241,7 @@ std::vector<Placement> findPlacements(const Lattice& lattice, const Checkerboard
     const int columns = turned ? board.cornersY() : board.cornersX();
     const int rows = turned ? board.cornersX() : board.cornersY();
     // One line may be missing altogether on each side.
-    for (int j0 = std::min(j_min, j_max - rows + 1) ; j0 <= std::max(j_min, j_max - rows + 1); ++j0) {
+    for (int j0 = std::min(j_min, j_max - rows + 1); j0 <= std::max(j_min, j_max - rows + 1); ++j0) {
       for (int i0 = std::min(i_min, i_max - columns + 1); i0 <= std::max(i_min, i_max - columns + 1); ++i0) {
         Placement placement{i0, j0, columns, rows, 0};
         placement.present = countIn(i0, i0 + columns, j0, j0 + rows);
@@ -283,13 +286,16 @@ std::optional<Grid> measureGrid(const cv::Mat& gray, const Checkerboard& board, 
   Grid grid{columns, rows, {}, rough, Vector2d::Ones(), 0.0};
   const int count = columns * rows;
   const auto place = [&](int k) { return Vector2d(k % columns, k / columns); };
-  const auto fitNear = [&](int k, const Vector2d& pixel, const Warp& warp, const std::optional<Vector2d>& blur) {
+  const auto fitNear = [&](int k, const Vector2d& pixel, const Warp& warp,
+                           const std::optional<Vector2d>& blur) {
     CornerGuess guess;
     guess.pixel = pixel;
     guess.axes = warp.jacobian(place(k));
     const double apart = spacing(guess.axes).minCoeff();
-    if (blur) guess.blur_px = *blur;
-    else guess.blur_px.setConstant(std::clamp(0.15 * apart, 0.6, 0.7 + 0.4 * scale));
+    if (blur)
+      guess.blur_px = *blur;
+    else
+      guess.blur_px.setConstant(std::clamp(0.15 * apart, 0.6, 0.7 + 0.4 * scale));
     avoidHollow(board, columns, rows, place(k), guess);
     auto fit = fitCorner(gray, guess);
     const int expected = (k % columns + k / columns) % 2 == 0 ? side : -side;
@@ -350,8 +356,10 @@ std::optional<Grid> measureGrid(const cv::Mat& gray, const Checkerboard& board, 
     avoidHollow(board, columns, rows, {k % columns, k / columns}, guess);
     // Beside the hollow square of a small or blurred board nothing may be left of this smaller window: the
     // first measurement stays.
-    if (const auto fit = fitCorner(gray, guess)) grid.corners[k] = *fit;
-    else if (guess.hollow_quadrant.x() == 0) return std::nullopt;
+    if (const auto fit = fitCorner(gray, guess))
+      grid.corners[k] = *fit;
+    else if (guess.hollow_quadrant.x() == 0)
+      return std::nullopt;
   }
   grid.warp = fitWarp(columns, rows, grid.corners);
   if (!isSmooth(grid)) return std::nullopt;
@@ -500,7 +508,7 @@ bool isWholeBoard(const cv::Mat& gray, const Grid& grid, const Checkerboard& boa
       const auto beyond = look(side.along_u ? Vector2d(k, line) : Vector2d(line, k));
       if (!beyond) continue;
       (beyond->step > 0.75 * inner_step && beyond->gap > inner_step ? next_and_none.first
-                                                                        : next_and_none.second)++;
+                                                                    : next_and_none.second)++;
     }
     return next_and_none;
   };

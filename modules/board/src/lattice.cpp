@@ -27,10 +27,8 @@ class PlaceIndex {
   static constexpr int kCell = 4;  // px
 
   PlaceIndex(const cv::Size& size, const std::vector<Saddle>& saddles)
-      : columns_(size.width / kCell + 3),
-        rows_(size.height / kCell + 3),
-        first_(static_cast<std::size_t>(columns_) * rows_, -1),
-        next_(saddles.size(), -1) {
+      : columns_(size.width / kCell + 3), rows_(size.height / kCell + 3),
+        first_(static_cast<std::size_t>(columns_) * rows_, -1), next_(saddles.size(), -1) {
     for (int k = 0; k < static_cast<int>(saddles.size()); ++k) {
       int& head = first_[cell(saddles[k].pixel)];
       next_[k] = head;
@@ -80,8 +78,8 @@ class Linker {
 
   // Follows ray k of saddle `from` until the next saddle point, or until the edge ends.
   Link follow(int from, int k) const {
-    constexpr float kStep = 1.5f;      // px
-    constexpr float kBlind = 3.0f;     // px; next to a corner its other edge disturbs.
+    constexpr float kStep = 1.5f;   // px
+    constexpr float kBlind = 3.0f;  // px; next to a corner its other edge disturbs.
     constexpr int kMaxMisses = 3;
     const Saddle& start = saddles_[from];
     const int side = start.raySide(k);
@@ -99,7 +97,8 @@ class Linker {
       const Vector2f normal(-direction.y(), direction.x());
       // Brightness across the edge, oriented so that it rises.
       std::array<float, 5> profile;
-      for (int s = -2; s <= 2; ++s) profile[s + 2] = side * sample(smoothed_, p + static_cast<float>(s) * normal);
+      for (int s = -2; s <= 2; ++s)
+        profile[s + 2] = side * sample(smoothed_, p + static_cast<float>(s) * normal);
       if (profile[4] - profile[0] < least_step && profile[3] - profile[1] < least_step) {
         if (++misses > kMaxMisses) return {};
         continue;
@@ -163,7 +162,7 @@ struct Look {
 
 // Samples the squares around `p`, whose sides are the vectors `along_i` and `along_j`.
 Look lookAt(const cv::Mat& smoothed, const Vector2f& p, const Vector2f& along_i, const Vector2f& along_j) {
-  constexpr float kIn = 0.4f;  // squares; not the middle: a hollow square is white there.
+  constexpr float kIn = 0.4f;  // squares: where the blur of the edges is least, short of the middle.
   const Vector2f even = kIn * (along_i + along_j), odd = kIn * (along_i - along_j);
   const std::array<Vector2f, 4> at{p + even, p - even, p + odd, p - odd};
   for (const Vector2f& q : at)
@@ -180,7 +179,8 @@ Look lookAt(const cv::Mat& smoothed, const Vector2f& p, const Vector2f& along_i,
 // three of the squares have one color.
 bool continues(const Look& look, const Look& beside) {
   const float step = std::abs(look.step), before = std::abs(beside.step);
-  return look.step * beside.step < 0 && look.gap > 0.3f * step && step > 0.5f * before && step < 2.0f * before;
+  return look.step * beside.step < 0 && look.gap > 0.3f * step && step > 0.5f * before &&
+         step < 2.0f * before;
 }
 
 // Adds saddles that no edge led to, where their neighbors say one should be and the squares agree.
@@ -241,8 +241,8 @@ void growByPrediction(const cv::Mat& smoothed, Lattice& lattice, const PlaceInde
       const Lattice::Node* right = find(oi - kStepI[across], oj - kStepJ[across]);
       if (!left && !right) continue;
       const Vector2f side = left && right ? Vector2f(0.5f * (left->pixel - right->pixel))
-                                          : left ? Vector2f(left->pixel - near.pixel)
-                                                 : Vector2f(near.pixel - right->pixel);
+                            : left        ? Vector2f(left->pixel - near.pixel)
+                                          : Vector2f(near.pixel - right->pixel);
       const Look look = lookAt(smoothed, saddles[best].pixel, out, side);
       if (!continues(look, lookAt(smoothed, near.pixel, out, side))) continue;
       used[best] = true;
@@ -303,7 +303,8 @@ std::vector<Saddle> withoutTwins(const cv::Size& size, const std::vector<Saddle>
   return kept;
 }
 
-std::vector<Lattice> findLattices(const cv::Mat& smoothed, const std::vector<Saddle>& saddles, int min_nodes) {
+std::vector<Lattice> findLattices(const cv::Mat& smoothed, const std::vector<Saddle>& saddles,
+                                  int min_nodes) {
   const int count = static_cast<int>(saddles.size());
   if (count < min_nodes) return {};
   const Linker linker(smoothed, saddles);
@@ -352,11 +353,13 @@ std::vector<Lattice> findLattices(const cv::Mat& smoothed, const std::vector<Sad
         const std::pair<int, int> key(place[node].first + kStepI[axis], place[node].second + kStepJ[axis]);
         if (piece.lattice.nodes.count(key)) continue;
         // Neighboring squares are of about the same size and direction.
-        const auto behind = piece.lattice.nodes.find({place[node].first - kStepI[axis], place[node].second - kStepJ[axis]});
+        const auto behind =
+            piece.lattice.nodes.find({place[node].first - kStepI[axis], place[node].second - kStepJ[axis]});
         if (behind != piece.lattice.nodes.end()) {
           const Vector2f last = saddles[node].pixel - behind->second.pixel;
           const Vector2f next = saddles[link.node].pixel - saddles[node].pixel;
-          if ((next - last).squaredNorm() > 0.4f * 0.4f * std::max(next.squaredNorm(), last.squaredNorm())) continue;
+          if ((next - last).squaredNorm() > 0.4f * 0.4f * std::max(next.squaredNorm(), last.squaredNorm()))
+            continue;
         }
         add(link.node, key, (axis + 2 - link.ray + 4) % 4);
       }
@@ -375,14 +378,16 @@ std::vector<Lattice> findLattices(const cv::Mat& smoothed, const std::vector<Sad
     for (const int node : piece.members) used[node] = true;
     dropStrays(smoothed, piece.lattice);
     growByPrediction(smoothed, piece.lattice, index, saddles, used);
-    if (static_cast<int>(piece.lattice.nodes.size()) >= min_nodes) lattices.push_back(std::move(piece.lattice));
+    if (static_cast<int>(piece.lattice.nodes.size()) >= min_nodes)
+      lattices.push_back(std::move(piece.lattice));
   }
   std::sort(lattices.begin(), lattices.end(),
             [](const Lattice& a, const Lattice& b) { return a.nodes.size() > b.nodes.size(); });
   return lattices;
 }
 
-std::vector<Lattice> growLattices(const cv::Mat& smoothed, const std::vector<Saddle>& saddles, int min_nodes) {
+std::vector<Lattice> growLattices(const cv::Mat& smoothed, const std::vector<Saddle>& saddles,
+                                  int min_nodes) {
   constexpr float kReach = 20.0f;  // px; farther apart, edges are followed more surely.
   constexpr std::size_t kMostPairs = 5;
   const int count = static_cast<int>(saddles.size());
@@ -417,7 +422,8 @@ std::vector<Lattice> growLattices(const cv::Mat& smoothed, const std::vector<Sad
         nearest = distance;
         behind = k;
       });
-      if (behind >= 0) pairs.push_back({ahead, behind, 0.5f * (saddles[ahead].pixel - saddles[behind].pixel)});
+      if (behind >= 0)
+        pairs.push_back({ahead, behind, 0.5f * (saddles[ahead].pixel - saddles[behind].pixel)});
     });
     if (pairs.size() < 2) continue;
     std::sort(pairs.begin(), pairs.end(),

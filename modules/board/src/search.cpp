@@ -23,7 +23,8 @@ std::optional<Found> examine(const cv::Mat& gray, const Checkerboard& board, dou
     std::vector<Eigen::Vector2i> solid;
     for (int quarters = 0; quarters < 4; ++quarters) {
       const auto& turns = found.mark.turns;
-      if (std::none_of(turns.begin(), turns.end(), [&](const Turn& turn) { return turn.quarters == quarters; }))
+      if (std::none_of(turns.begin(), turns.end(),
+                       [&](const Turn& turn) { return turn.quarters == quarters; }))
         solid.push_back(Turn{quarters}.firstCorner());
     }
     remeasureBesideSolid(gray, solid, found.grid);
