@@ -2,7 +2,9 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -18,22 +20,22 @@ struct PictureOptions {
   int width_px = 640;
   int height_px = 480;
   double focal_px = 600.0;
-  double k1 = 0.0;              ///< Radial distortion.
+  double k1 = 0.0;                         ///< Radial distortion.
   Eigen::Vector2d centre_px = {320, 240};  ///< Where the board's centre is seen (before distortion).
-  double square_px = 30.0;      ///< Size of a square at the board's centre, seen from the front.
-  double tilt_rad = 0.0;        ///< Between the board's normal and the line of sight.
-  double tilt_axis_rad = 0.0;   ///< Direction of the tilt axis in the image.
-  double roll_rad = 0.0;        ///< Board about its own normal.
-  double blur_px = 0.7;         ///< Standard deviation of the point spread.
-  double motion_px = 0.0;       ///< Length of the motion blur.
+  double square_px = 30.0;                 ///< Size of a square at the board's centre, seen from the front.
+  double tilt_rad = 0.0;                   ///< Between the board's normal and the line of sight.
+  double tilt_axis_rad = 0.0;              ///< Direction of the tilt axis in the image.
+  double roll_rad = 0.0;                   ///< Board about its own normal.
+  double blur_px = 0.7;                    ///< Standard deviation of the point spread.
+  double motion_px = 0.0;                  ///< Length of the motion blur.
   double motion_rad = 0.0;
   double noise_gray = 2.0;
   double black = 30, white = 220;
   double light_gradient = 0.0;  ///< Relative change of light over the image's width and height.
   double highlight_gray = 0.0;  ///< Peak of a specular highlight on the board.
   bool clutter = true;
-  bool board = true;            ///< False: the background alone.
-  bool mirror = false;          ///< The board as seen in a mirror: left and right swapped.
+  bool board = true;    ///< False: the background alone.
+  bool mirror = false;  ///< The board as seen in a mirror: left and right swapped.
   unsigned seed = 1;
   /// Opaque things in front of the board, in board coordinates (squares from the upper left), and their gray.
   struct Cover {
@@ -54,16 +56,66 @@ inline double uniform(std::mt19937& random, double low, double high) {
   return std::uniform_real_distribution<double>(low, high)(random);
 }
 
-/// Reflectance (0 black, 1 white) of the printed board at a point in squares from its upper left.
-inline double reflectance(const Checkerboard& board, double x, double y) {
-  if (x < 0 || y < 0 || x >= board.squares_x || y >= board.squares_y) return 1;
-  const int column = static_cast<int>(x), row = static_cast<int>(y);
-  if ((column + row) % 2 == 1) return 1;
-  if (board.hollow_corner && column == 0 && row == 0) {
-    const double inset = 0.5 * (1 - board.hollow_inner_ratio);
-    if (x > inset && x < 1 - inset && y > inset && y < 1 - inset) return 1;
+/// A flat picture made of rectangles: gray values between vertical and horizontal lines, in squares of the
+/// board from its upper left. Outside the lines, and where the value is negative, there is nothing.
+struct Print {
+  std::vector<double> x, y;  ///< Positions of the lines, ascending.
+  std::vector<double> gray;  ///< Row by row, (x.size() - 1) * (y.size() - 1) values.
+
+  Print(std::vector<double> lines_x, std::vector<double> lines_y) : x(sorted(lines_x)), y(sorted(lines_y)) {
+    gray.assign((x.size() - 1) * (y.size() - 1), -1.0);
   }
-  return 0;
+
+  /// Paints what lies inside a rectangle whose sides are among the lines.
+  void paint(double x0, double y0, double x1, double y1, double value) {
+    for (std::size_t row = 0; row + 1 < y.size(); ++row)
+      for (std::size_t column = 0; column + 1 < x.size(); ++column)
+        if (x[column] >= x0 && x[column + 1] <= x1 && y[row] >= y0 && y[row + 1] <= y1)
+          gray[row * (x.size() - 1) + column] = value;
+  }
+
+  /// Number of lines at or before a place; `nearby` is that of a place not far away.
+  static int passed(const std::vector<double>& lines, double place, int nearby) {
+    while (nearby > 0 && lines[nearby - 1] > place) --nearby;
+    while (nearby < static_cast<int>(lines.size()) && lines[nearby] <= place) ++nearby;
+    return nearby;
+  }
+
+  /// Gray between the given numbers of lines passed; negative: nothing there.
+  double at(int passed_x, int passed_y) const {
+    const int columns = static_cast<int>(x.size()) - 1, rows = static_cast<int>(y.size()) - 1;
+    if (passed_x < 1 || passed_y < 1 || passed_x > columns || passed_y > rows) return -1.0;
+    return gray[(passed_y - 1) * columns + passed_x - 1];
+  }
+
+ private:
+  static std::vector<double> sorted(std::vector<double> lines) {
+    std::sort(lines.begin(), lines.end());
+    lines.erase(std::unique(lines.begin(), lines.end()), lines.end());
+    return lines;
+  }
+};
+
+/// The printed checkerboard, its white plate of `margin` squares around it, and what covers it.
+inline Print printed(const Checkerboard& board, double margin, const PictureOptions& options) {
+  const double width = board.squares_x, height = board.squares_y;
+  const double inset = 0.5 * (1 - board.hollow_inner_ratio);
+  std::vector<double> x{-margin, width + margin, inset, 1 - inset};
+  std::vector<double> y{-margin, height + margin, inset, 1 - inset};
+  for (int column = 0; column <= board.squares_x; ++column) x.push_back(column);
+  for (int row = 0; row <= board.squares_y; ++row) y.push_back(row);
+  for (const auto& cover : options.covers) {
+    x.insert(x.end(), {cover.x0, cover.x1});
+    y.insert(y.end(), {cover.y0, cover.y1});
+  }
+  Print print(x, y);
+  print.paint(-margin, -margin, width + margin, height + margin, options.white);
+  for (int row = 0; row < board.squares_y; ++row)
+    for (int column = row % 2; column < board.squares_x; column += 2)
+      print.paint(column, row, column + 1, row + 1, options.black);
+  if (board.hollow_corner) print.paint(inset, inset, 1 - inset, 1 - inset, options.white);
+  for (const auto& cover : options.covers) print.paint(cover.x0, cover.y0, cover.x1, cover.y1, cover.gray);
+  return print;
 }
 
 /// A cell full of things: boxes, lines, discs, lettering, a tiled patch.
@@ -79,8 +131,9 @@ inline cv::Mat clutter(const cv::Size& size, std::mt19937& random) {
     const cv::Point p = point();
     switch (static_cast<int>(uniform(random, 0, 6))) {
       case 0: {
-        const cv::RotatedRect box(p, cv::Size2f(uniform(random, 10, 160) * scale, uniform(random, 10, 100) * scale),
-                                  uniform(random, 0, 360));
+        const cv::RotatedRect box(
+            p, cv::Size2f(uniform(random, 10, 160) * scale, uniform(random, 10, 100) * scale),
+            uniform(random, 0, 360));
         cv::Point2f vertices[4];
         box.points(vertices);
         std::vector<cv::Point> polygon(vertices, vertices + 4);
@@ -88,14 +141,22 @@ inline cv::Mat clutter(const cv::Size& size, std::mt19937& random) {
         break;
       }
       case 1: cv::line(image, p, point(), gray, static_cast<int>(uniform(random, 1, 6)), cv::LINE_AA); break;
-      case 2: cv::circle(image, p, static_cast<int>(uniform(random, 4, 50) * scale), gray, cv::FILLED, cv::LINE_AA); break;
-      case 3: cv::putText(image, "UR5 30 mm", p, cv::FONT_HERSHEY_SIMPLEX, uniform(random, 0.4, 1.5), gray, 2, cv::LINE_AA); break;
-      case 4: cv::circle(image, p, static_cast<int>(uniform(random, 4, 50) * scale), gray, 2, cv::LINE_AA); break;
+      case 2:
+        cv::circle(image, p, static_cast<int>(uniform(random, 4, 50) * scale), gray, cv::FILLED, cv::LINE_AA);
+        break;
+      case 3:
+        cv::putText(image, "UR5 30 mm", p, cv::FONT_HERSHEY_SIMPLEX, uniform(random, 0.4, 1.5), gray, 2,
+                    cv::LINE_AA);
+        break;
+      case 4:
+        cv::circle(image, p, static_cast<int>(uniform(random, 4, 50) * scale), gray, 2, cv::LINE_AA);
+        break;
       default: {
         // Perforated sheet: rows of dots.
         const int pitch = static_cast<int>(uniform(random, 6, 14));
         for (int y = 0; y < 6; ++y)
-          for (int x = 0; x < 8; ++x) cv::circle(image, p + cv::Point(x * pitch, y * pitch), pitch / 3, gray, cv::FILLED, cv::LINE_AA);
+          for (int x = 0; x < 8; ++x)
+            cv::circle(image, p + cv::Point(x * pitch, y * pitch), pitch / 3, gray, cv::FILLED, cv::LINE_AA);
       }
     }
   }
@@ -114,17 +175,15 @@ inline double unitOf(const BoardSpec& board) {
 /// Where points of the board plane are seen.
 struct View {
   View(const BoardSpec& board, const PictureOptions& options)
-      : cx(0.5 * (options.width_px - 1)),
-        cy(0.5 * (options.height_px - 1)),
-        focal(options.focal_px),
-        k1(options.k1),
-        mirror(options.mirror ? -1.0 : 1.0) {
+      : cx(0.5 * (options.width_px - 1)), cy(0.5 * (options.height_px - 1)), focal(options.focal_px),
+        k1(options.k1), mirror(options.mirror ? -1.0 : 1.0) {
     using Eigen::Vector3d;
     const Vector3d sight((options.centre_px.x() - cx) / focal, (options.centre_px.y() - cy) / focal, 1.0);
     const Vector3d axis(std::cos(options.tilt_axis_rad), std::sin(options.tilt_axis_rad), 0);
-    rotation = (Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), sight) *
-                Eigen::AngleAxisd(options.tilt_rad, axis) * Eigen::AngleAxisd(options.roll_rad, Vector3d::UnitZ()))
-                   .toRotationMatrix();
+    rotation =
+        (Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), sight) *
+         Eigen::AngleAxisd(options.tilt_rad, axis) * Eigen::AngleAxisd(options.roll_rad, Vector3d::UnitZ()))
+            .toRotationMatrix();
     position = sight * (focal * unitOf(board) / options.square_px);
   }
 
@@ -136,6 +195,16 @@ struct View {
     return Eigen::Vector2d(focal * d.x() + cx, focal * d.y() + cy);
   }
 
+  /// From normalized image coordinates (homogeneous) to places on the board plane, in units of `unit_m`,
+  /// with the board's origin at `origin`.
+  Eigen::Matrix3d toPlane(double unit_m, const Eigen::Vector2d& origin) const {
+    Eigen::Matrix3d to_image;
+    to_image << mirror * unit_m * rotation.col(0), unit_m * rotation.col(1), position;
+    Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
+    shift.topRightCorner<2, 1>() = origin;
+    return shift * to_image.inverse();
+  }
+
   double cx, cy, focal, k1, mirror;
   Eigen::Matrix3d rotation;
   Eigen::Vector3d position;
@@ -144,51 +213,213 @@ struct View {
 inline std::vector<Eigen::Vector2d> projectOutline(const BoardSpec& board, const PictureOptions& options) {
   const View view(board, options);
   std::vector<Eigen::Vector2d> outline;
-  for (const Eigen::Vector3d& corner : board.outline()) outline.push_back(view.project(corner.x(), corner.y()));
+  for (const Eigen::Vector3d& corner : board.outline())
+    outline.push_back(view.project(corner.x(), corner.y()));
   return outline;
 }
 
-/// Renders a plate by casting 32 rays per pixel (a Hammersley set: 32 different columns and rows, so that
-/// even an edge along the pixels is placed to 1/64 px), then blur, light and noise. Shares no code with the
-/// library beyond BoardSpec. `paint(x, y)`: reflectance (0 black, 1 white) at a point of the plate, from the
-/// pattern's upper left, in the board's unit (see unitOf).
+namespace picture {
+
+/// Draws a print whose origin and unit are given by `to_print` (homogeneous, from normalized image
+/// coordinates) over `image`, inside the box of `outline` (px).
+///
+/// The corners of every pixel are mapped onto the print exactly. Where all four lie between the same lines
+/// the pixel has one color; elsewhere 64 rays are cast (a Hammersley set: 64 different columns and rows, so
+/// that even an edge along the pixels is placed to 1/128 px), their places on the print interpolated between
+/// the pixel's corners: over one pixel the perspective bends by less than 1e-3 px.
+inline void draw(const Print& print, const Eigen::Matrix3d& to_print, const View& view,
+                 const std::vector<Eigen::Vector2d>& outline, cv::Mat& image) {
+  using Eigen::Vector2d;
+  Vector2d low = outline[0], high = outline[0];
+  for (const Vector2d& p : outline) {
+    low = low.cwiseMin(p);
+    high = high.cwiseMax(p);
+  }
+  const int x0 = std::clamp(static_cast<int>(low.x()) - 3, 0, image.cols);
+  const int x1 = std::clamp(static_cast<int>(high.x()) + 4, 0, image.cols);
+  const int y0 = std::clamp(static_cast<int>(low.y()) - 3, 0, image.rows);
+  const int y1 = std::clamp(static_cast<int>(high.y()) + 4, 0, image.rows);
+  constexpr int kRays = 64;
+  static const std::array<Vector2d, kRays> rays = [] {
+    std::array<Vector2d, kRays> set;
+    for (int k = 0; k < kRays; ++k) {
+      int reversed = 0;
+      for (int bit = 0; bit < 6; ++bit) reversed |= ((k >> bit) & 1) << (5 - bit);
+      set[k] = Vector2d((k + 0.5) / kRays, (reversed + 0.5) / kRays);
+    }
+    return set;
+  }();
+  // The upper left corners of a row of pixels, on the print.
+  struct Place {
+    Vector2d at;
+    int passed_x, passed_y;
+  };
+  const auto placesOf = [&](int y, std::vector<Place>& places) {
+    places.resize(x1 - x0 + 1);
+    int passed_x = 0, passed_y = 0;
+    for (int x = x0; x <= x1; ++x) {
+      const Vector2d d((x - 0.5 - view.cx) / view.focal, (y - 0.5 - view.cy) / view.focal);
+      Vector2d n = d;
+      if (view.k1 != 0)
+        for (int iteration = 0; iteration < 6; ++iteration) n = d / (1 + view.k1 * n.squaredNorm());
+      const Eigen::Vector3d h = to_print * n.homogeneous();
+      Place& place = places[x - x0];
+      place.at = h.z() > 0 ? Vector2d(h.hnormalized()) : Vector2d(-1e9, -1e9);  // Behind the camera: nothing.
+      place.passed_x = passed_x = Print::passed(print.x, place.at.x(), passed_x);
+      place.passed_y = passed_y = Print::passed(print.y, place.at.y(), passed_y);
+    }
+  };
+  std::vector<Place> above, below;
+  placesOf(y0, above);
+  for (int y = y0; y < y1; ++y) {
+    placesOf(y + 1, below);
+    float* row = image.ptr<float>(y);
+    for (int x = x0; x < x1; ++x) {
+      const Place& a = above[x - x0];
+      const Place& b = above[x - x0 + 1];
+      const Place& c = below[x - x0];
+      const Place& d = below[x - x0 + 1];
+      if (a.passed_x == b.passed_x && a.passed_x == c.passed_x && a.passed_x == d.passed_x &&
+          a.passed_y == b.passed_y && a.passed_y == c.passed_y && a.passed_y == d.passed_y) {
+        const double gray = print.at(a.passed_x, a.passed_y);
+        if (gray >= 0) row[x] = static_cast<float>(gray);
+        continue;
+      }
+      const Vector2d right = b.at - a.at, down = c.at - a.at, both = d.at - c.at - right;
+      double sum = 0;
+      for (const Vector2d& ray : rays) {
+        const Vector2d at = a.at + ray.x() * right + ray.y() * (down + ray.x() * both);
+        const double gray =
+            print.at(Print::passed(print.x, at.x(), a.passed_x), Print::passed(print.y, at.y(), a.passed_y));
+        sum += gray >= 0 ? gray : row[x];
+      }
+      row[x] = static_cast<float>(sum / kRays);
+    }
+    std::swap(above, below);
+  }
+}
+
+/// A specular highlight, as wide as a few squares.
+inline void addHighlight(const Eigen::Vector2d& centre, const PictureOptions& options, cv::Mat& image) {
+  const double sigma = 1.5 * options.square_px;
+  for (int y = 0; y < image.rows; ++y) {
+    if (std::abs(y - centre.y()) > 5 * sigma) continue;
+    for (int x = 0; x < image.cols; ++x) {
+      const double distance = (Eigen::Vector2d(x, y) - centre).squaredNorm() / (sigma * sigma);
+      if (distance < 25)
+        image.at<float>(y, x) += static_cast<float>(options.highlight_gray * std::exp(-0.5 * distance));
+    }
+  }
+}
+
+/// Motion blur along a line, then the lens' blur, then uneven light and noise.
+inline cv::Mat expose(cv::Mat image, const PictureOptions& options) {
+  if (options.motion_px > 0) {
+    const int half = static_cast<int>(std::ceil(0.5 * options.motion_px)) + 1;
+    cv::Mat kernel = cv::Mat::zeros(2 * half + 1, 2 * half + 1, CV_32F);
+    constexpr int kSteps = 41;
+    for (int k = 0; k < kSteps; ++k) {
+      const double t = options.motion_px * ((k + 0.5) / kSteps - 0.5);
+      const double x = half + t * std::cos(options.motion_rad), y = half + t * std::sin(options.motion_rad);
+      const int xi = static_cast<int>(x), yi = static_cast<int>(y);
+      for (int b = 0; b < 2; ++b)
+        for (int a = 0; a < 2; ++a)
+          kernel.at<float>(yi + b, xi + a) +=
+              static_cast<float>((a ? x - xi : 1 - x + xi) * (b ? y - yi : 1 - y + yi) / kSteps);
+    }
+    cv::filter2D(image, image, CV_32F, kernel, cv::Point(-1, -1), 0, cv::BORDER_REPLICATE);
+  }
+  if (options.blur_px > 0)
+    cv::GaussianBlur(image, image, cv::Size(), options.blur_px, options.blur_px, cv::BORDER_REPLICATE);
+  const double cx = 0.5 * (image.cols - 1), cy = 0.5 * (image.rows - 1);
+  for (int y = 0; y < image.rows; ++y) {
+    float* row = image.ptr<float>(y);
+    for (int x = 0; x < image.cols; ++x)
+      row[x] *= static_cast<float>(1 + options.light_gradient *
+                                           ((x - cx) / image.cols + 0.5 * (y - cy) / image.rows));
+  }
+  if (options.noise_gray > 0) {
+    cv::RNG random(options.seed + 0x9e3779b97f4a7c15u);
+    cv::Mat noise(image.size(), CV_32FC1);
+    random.fill(noise, cv::RNG::NORMAL, 0.0, options.noise_gray);
+    image += noise;
+  }
+  cv::Mat gray;
+  image.convertTo(gray, CV_8UC1);
+  return gray;
+}
+
+}  // namespace picture
+
+namespace picture {
+
+/// The background, and where the board is seen on it.
+inline Picture begin(const BoardSpec& board, const PictureOptions& options, cv::Mat& image) {
+  std::mt19937 random(options.seed);
+  const cv::Size size(options.width_px, options.height_px);
+  if (options.clutter)
+    clutter(size, random).convertTo(image, CV_32F);
+  else
+    image = cv::Mat(size, CV_32FC1, cv::Scalar(128));
+  const View view(board, options);
+  Picture result;
+  for (const Eigen::Vector3d& corner : board.corners())
+    result.corners.push_back(view.project(corner.x(), corner.y()));
+  result.outline = projectOutline(board, options);
+  return result;
+}
+
+}  // namespace picture
+
+/// Renders a checkerboard over clutter, then blur, light and noise. Shares no code with the library beyond
+/// BoardSpec.
+inline Picture renderPicture(const BoardSpec& board, const PictureOptions& options) {
+  using Eigen::Vector2d;
+  cv::Mat image;
+  Picture result = picture::begin(board, options, image);
+  if (options.board) {
+    const View view(board, options);
+    const Checkerboard& squares = *board.as<Checkerboard>();
+    const double square = squares.square_size_m;
+    const Vector2d middle(0.5 * squares.squares_x, 0.5 * squares.squares_y);
+    std::vector<Vector2d> outline = result.outline;
+    for (const auto& cover : options.covers)
+      for (const double x : {cover.x0, cover.x1})
+        for (const double y : {cover.y0, cover.y1})
+          outline.push_back(view.project((x - middle.x()) * square, (y - middle.y()) * square));
+    picture::draw(picture::printed(squares, board.margin_m / square, options), view.toPlane(square, middle),
+                  view, outline, image);
+    if (options.highlight_gray > 0)
+      picture::addHighlight(view.project(0.2 * squares.squares_x * square, -0.1 * square), options, image);
+  }
+  result.gray = picture::expose(image, options);
+  return result;
+}
+
+/// Renders a plate with any print by casting 32 rays per pixel (a Hammersley set: 32 different columns and
+/// rows, so that even an edge along the pixels is placed to 1/64 px), then as above. `paint(x, y)`:
+/// reflectance (0 black, 1 white) at a point of the plate, from the pattern's upper left, in the board's unit
+/// (see unitOf).
 template <typename Paint>
 Picture renderPainted(const BoardSpec& board, const PictureOptions& options, const Paint& paint) {
   using Eigen::Vector2d;
-  using Eigen::Vector3d;
-  std::mt19937 random(options.seed);
-  const cv::Size size(options.width_px, options.height_px);
   cv::Mat image;
-  if (options.clutter) picture::clutter(size, random).convertTo(image, CV_32F);
-  else image = cv::Mat(size, CV_32FC1, cv::Scalar(128));
-
-  const View view(board, options);
-  const double cx = view.cx, cy = view.cy, mirror = view.mirror;
-  const double unit = unitOf(board);
-  const Vector2d origin = board.patternOutline().front().head<2>() / unit;
-  const Vector2d plate = -board.outline().front().head<2>() / unit;  // Half of it.
-
-  Picture result;
-  for (const Vector3d& corner : board.corners()) result.corners.push_back(view.project(corner.x(), corner.y()));
-  result.outline = projectOutline(board, options);
-
+  Picture result = picture::begin(board, options, image);
   if (options.board) {
+    const View view(board, options);
+    const double unit = unitOf(board);
+    const Vector2d origin = board.patternOutline().front().head<2>() / unit;
+    const Vector2d plate = -board.outline().front().head<2>() / unit;  // Half of it.
     Vector2d low = result.outline[0], high = result.outline[0];
     for (const Vector2d& p : result.outline) {
       low = low.cwiseMin(p);
       high = high.cwiseMax(p);
     }
-    const int x0 = std::clamp(static_cast<int>(low.x()) - 3, 0, options.width_px);
-    const int x1 = std::clamp(static_cast<int>(high.x()) + 4, 0, options.width_px);
-    const int y0 = std::clamp(static_cast<int>(low.y()) - 3, 0, options.height_px);
-    const int y1 = std::clamp(static_cast<int>(high.y()) + 4, 0, options.height_px);
-    const Vector2d highlight = view.project(-0.4 * origin.x() * unit, -0.1 * unit);
-    // From normalized image coordinates to the board plane.
-    Eigen::Matrix3d to_image;
-    to_image.col(0) = view.rotation.col(0);
-    to_image.col(1) = view.rotation.col(1);
-    to_image.col(2) = view.position;
-    const Eigen::Matrix3d to_board = to_image.inverse();
+    const int x0 = std::clamp(static_cast<int>(low.x()) - 3, 0, image.cols);
+    const int x1 = std::clamp(static_cast<int>(high.x()) + 4, 0, image.cols);
+    const int y0 = std::clamp(static_cast<int>(low.y()) - 3, 0, image.rows);
+    const int y1 = std::clamp(static_cast<int>(high.y()) + 4, 0, image.rows);
+    const Eigen::Matrix3d to_plane = view.toPlane(unit, Vector2d::Zero());
     constexpr int kRays = 32;
     Vector2d rays[kRays];
     for (int k = 0; k < kRays; ++k) {
@@ -200,61 +431,29 @@ Picture renderPainted(const BoardSpec& board, const PictureOptions& options, con
       float* row = image.ptr<float>(y);
       for (int x = x0; x < x1; ++x) {
         double sum = 0;
-        for (int k = 0; k < kRays; ++k) {
-          const Vector2d d((x + rays[k].x() - cx) / options.focal_px, (y + rays[k].y() - cy) / options.focal_px);
+        for (const Vector2d& ray : rays) {
+          const Vector2d d((x + ray.x() - view.cx) / view.focal, (y + ray.y() - view.cy) / view.focal);
           Vector2d n = d;
-          if (options.k1 != 0)
-            for (int iteration = 0; iteration < 5; ++iteration) n = d / (1 + options.k1 * n.squaredNorm());
-          const Vector3d h = to_board * n.homogeneous();
-          const double px = mirror * h.x() / h.z() / unit, py = h.y() / h.z() / unit;
-          const double bx = px - origin.x(), by = py - origin.y();
+          if (view.k1 != 0)
+            for (int iteration = 0; iteration < 6; ++iteration) n = d / (1 + view.k1 * n.squaredNorm());
+          const Eigen::Vector3d h = to_plane * n.homogeneous();
+          const Vector2d at = h.hnormalized(), from = at - origin;
           double gray = row[x];
-          if (h.z() > 0 && std::abs(px) <= plate.x() && std::abs(py) <= plate.y())
-            gray = options.black + (options.white - options.black) * paint(bx, by);
+          if (h.z() > 0 && std::abs(at.x()) <= plate.x() && std::abs(at.y()) <= plate.y())
+            gray = options.black + (options.white - options.black) * paint(from.x(), from.y());
           for (const auto& cover : options.covers)
-            if (bx > cover.x0 && bx < cover.x1 && by > cover.y0 && by < cover.y1) gray = cover.gray;
+            if (from.x() > cover.x0 && from.x() < cover.x1 && from.y() > cover.y0 && from.y() < cover.y1)
+              gray = cover.gray;
           sum += gray;
         }
-        double value = sum / kRays;
-        if (options.highlight_gray > 0) {
-          const double distance = (Vector2d(x, y) - highlight).squaredNorm() / std::pow(1.5 * options.square_px, 2);
-          value += options.highlight_gray * std::exp(-0.5 * distance);
-        }
-        row[x] = static_cast<float>(value);
+        row[x] = static_cast<float>(sum / kRays);
       }
     }
+    if (options.highlight_gray > 0)
+      picture::addHighlight(view.project(-0.4 * origin.x() * unit, -0.1 * unit), options, image);
   }
-  if (options.motion_px > 0) {
-    const int half = static_cast<int>(std::ceil(0.5 * options.motion_px)) + 1;
-    cv::Mat kernel = cv::Mat::zeros(2 * half + 1, 2 * half + 1, CV_32F);
-    constexpr int kSteps = 41;
-    for (int k = 0; k < kSteps; ++k) {
-      const double t = options.motion_px * ((k + 0.5) / kSteps - 0.5);
-      const double x = half + t * std::cos(options.motion_rad), y = half + t * std::sin(options.motion_rad);
-      const int xi = static_cast<int>(x), yi = static_cast<int>(y);
-      for (int b = 0; b < 2; ++b)
-        for (int a = 0; a < 2; ++a)
-          kernel.at<float>(yi + b, xi + a) += static_cast<float>((a ? x - xi : 1 - x + xi) * (b ? y - yi : 1 - y + yi) / kSteps);
-    }
-    cv::filter2D(image, image, CV_32F, kernel, cv::Point(-1, -1), 0, cv::BORDER_REPLICATE);
-  }
-  if (options.blur_px > 0) cv::GaussianBlur(image, image, cv::Size(), options.blur_px, options.blur_px, cv::BORDER_REPLICATE);
-  std::normal_distribution<float> normal(0.0f, static_cast<float>(std::max(options.noise_gray, 1e-6)));
-  result.gray.create(size, CV_8UC1);
-  for (int y = 0; y < size.height; ++y) {
-    for (int x = 0; x < size.width; ++x) {
-      const double light = 1 + options.light_gradient * ((x - cx) / size.width + 0.5 * (y - cy) / size.height);
-      const float value = static_cast<float>(image.at<float>(y, x) * light) + (options.noise_gray > 0 ? normal(random) : 0.0f);
-      result.gray.at<uchar>(y, x) = cv::saturate_cast<uchar>(value);
-    }
-  }
+  result.gray = picture::expose(image, options);
   return result;
-}
-
-/// A checkerboard.
-inline Picture renderPicture(const BoardSpec& board, const PictureOptions& options) {
-  const Checkerboard& squares = *board.as<Checkerboard>();
-  return renderPainted(board, options, [&](double x, double y) { return picture::reflectance(squares, x, y); });
 }
 
 }  // namespace servocal::test

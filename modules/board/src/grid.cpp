@@ -3,6 +3,7 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace servocal::board {
@@ -73,7 +74,9 @@ int countLine(const Lattice& lattice, int i, int j, int di, int dj, int length, 
 // At the grid's four corners, where the hollow square may be: keeps its white inside out of the window.
 void avoidHollow(const Checkerboard& board, int columns, int rows, const Vector2d& at, CornerGuess& guess) {
   if (!board.hollow_corner) return;
-  const auto outwards = [](double place, int count) { return place < 0.5 ? -1 : place > count - 1.5 ? 1 : 0; };
+  const auto outwards = [](double place, int count) {
+    return place < 0.5 ? -1 : place > count - 1.5 ? 1 : 0;
+  };
   const Eigen::Vector2i quadrant(outwards(at.x(), columns), outwards(at.y(), rows));
   if (quadrant.x() == 0 || quadrant.y() == 0) return;
   guess.hollow_quadrant = quadrant;
@@ -87,9 +90,13 @@ bool isSmooth(const Grid& grid) {
     const Vector2d at(k % grid.columns, k / grid.columns);
     const Eigen::Matrix2d axes = grid.warp.jacobian(at);
     if (axes.determinant() <= 0.0) return false;
-    const double error = (grid.warp.at(at) - grid.corners[k].pixel).norm();
+    const CornerFit& corner = grid.corners[k];
+    const double error = (grid.warp.at(at) - corner.pixel).norm();
     const double side = std::max(axes.col(0).norm(), axes.col(1).norm());
-    if (error > 0.6 + 0.04 * side) return false;
+    // What noise may do to a corner of small or faint squares is no roughness.
+    const double sigma = std::min(corner.residual * std::sqrt(corner.structure.inverse().trace()),
+                                  0.1 * spacing(axes).minCoeff());
+    if (error > std::hypot(0.6 + 0.04 * side, 3.0 * sigma)) return false;
     largest = std::max(largest, error);
     cell = std::max(cell, side);
   }
@@ -114,10 +121,93 @@ bool isEven(const Grid& grid) {
       add(column, row + 1);
       const CornerFit& corner = grid.at(column, row);
       const double ratio = std::abs(corner.step) * count / sum;
-      if (ratio < 0.6 || ratio > 1.7 || corner.residual > 0.6 * std::abs(corner.step)) return false;
+      // The grid's four corners may have been measured in a part of their window only.
+      const bool is_end = (column == 0 || column == grid.columns - 1) && (row == 0 || row == grid.rows - 1);
+      const double least = is_end ? 0.4 : 0.6;
+      if (ratio < least || ratio > 1.7 || corner.residual > 0.6 * std::abs(corner.step)) return false;
     }
   }
   return true;
+}
+
+// Mean brightness of the square that lies from a corner towards (du, dv), in signs, near that corner.
+std::optional<double> quadrant(const cv::Mat& gray, const Vector2d& corner, const Eigen::Matrix2d& axes,
+                               int du, int dv) {
+  double sum = 0.0;
+  for (const auto& [u, v] : {std::pair(0.25, 0.5), std::pair(0.4, 0.4), std::pair(0.5, 0.25)}) {
+    const auto value = bilinear(gray, corner + axes * Vector2d(du * u, dv * v));
+    if (!value) return std::nullopt;
+    sum += *value / 3.0;
+  }
+  return sum;
+}
+
+double medianResidual(const Grid& grid) {
+  std::vector<double> residuals;
+  for (const CornerFit& corner : grid.corners) residuals.push_back(corner.residual);
+  return median(residuals);
+}
+
+// True if squares meet in the measured corners, two bright and two dark, all along every line of the grid.
+// The outline of a smaller board has corners of one dark square; what covers a board has none. A few may be
+// hidden. Where the hollow square may be, three squares have to do.
+bool showsCorners(const cv::Mat& gray, const Grid& grid, const Checkerboard& board) {
+  const int count = grid.columns * grid.rows;
+  std::vector<double> steps(count), gaps(count);
+  for (int k = 0; k < count; ++k) {
+    const int column = k % grid.columns, row = k / grid.columns;
+    const Eigen::Matrix2d axes = grid.warp.jacobian({column, row});
+    const auto outwards = [](int place, int length) { return place == 0 ? -1 : place == length - 1 ? 1 : 0; };
+    const Eigen::Vector2i out(outwards(column, grid.columns), outwards(row, grid.rows));
+    const double sign = grid.corners[k].step > 0 ? 1.0 : -1.0;
+    double bright = 1e9, dark = -1e9, bright_sum = 0.0, dark_sum = 0.0;
+    int bright_count = 0, dark_count = 0;
+    for (const int du : {-1, 1}) {
+      for (const int dv : {-1, 1}) {
+        if (board.hollow_corner && out.x() == du && out.y() == dv) continue;
+        const auto value = quadrant(gray, grid.corners[k].pixel, axes, du, dv);
+        if (!value) return false;
+        if (du * dv * sign > 0) {
+          bright = std::min(bright, *value);
+          bright_sum += *value;
+          ++bright_count;
+        } else {
+          dark = std::max(dark, *value);
+          dark_sum += *value;
+          ++dark_count;
+        }
+      }
+    }
+    steps[k] = 0.5 * (bright_sum / bright_count - dark_sum / dark_count);
+    gaps[k] = bright - dark;
+  }
+  const double typical = median(steps);
+  if (typical <= 0.0) return false;
+  const double noise = medianResidual(grid);
+  const auto hides = [&](int column, int row) {
+    const int k = row * grid.columns + column;
+    // Something narrow over the corner leaves the squares as they are, but not the fit.
+    const double residual = grid.corners[k].residual;
+    return steps[k] < 0.4 * typical || gaps[k] < 0.3 * std::max(steps[k], typical) ||
+           (residual > 2.5 * noise && residual > 0.15 * grid.step);
+  };
+  int hidden = 0;
+  const auto lineShows = [&](int column, int row, int du, int dv, int length) {
+    int here = 0;
+    double squares = 0.0;
+    for (int k = 0; k < length; ++k, column += du, row += dv) {
+      here += hides(column, row);
+      squares += std::pow(grid.at(column, row).residual, 2);
+    }
+    hidden += here;
+    const double residual = std::sqrt(squares / length);
+    return 2 * here < length && (residual < 1.8 * noise || residual < 0.12 * grid.step);
+  };
+  for (int row = 0; row < grid.rows; ++row)
+    if (!lineShows(0, row, 1, 0, grid.columns)) return false;
+  for (int column = 0; column < grid.columns; ++column)
+    if (!lineShows(column, 0, 0, 1, grid.rows)) return false;
+  return 3 * hidden <= count;  // Counted twice, by row and by column.
 }
 
 }  // namespace
@@ -151,7 +241,7 @@ std::vector<Placement> findPlacements(const Lattice& lattice, const Checkerboard
     const int columns = turned ? board.cornersY() : board.cornersX();
     const int rows = turned ? board.cornersX() : board.cornersY();
     // One line may be missing altogether on each side.
-    for (int j0 = std::min(j_min, j_max - rows + 1) ; j0 <= std::max(j_min, j_max - rows + 1); ++j0) {
+    for (int j0 = std::min(j_min, j_max - rows + 1); j0 <= std::max(j_min, j_max - rows + 1); ++j0) {
       for (int i0 = std::min(i_min, i_max - columns + 1); i0 <= std::max(i_min, i_max - columns + 1); ++i0) {
         Placement placement{i0, j0, columns, rows, 0};
         placement.present = countIn(i0, i0 + columns, j0, j0 + rows);
@@ -194,26 +284,64 @@ std::optional<Grid> measureGrid(const cv::Mat& gray, const Checkerboard& board, 
   if (!rough.isFinite()) return std::nullopt;
 
   Grid grid{columns, rows, {}, rough, Vector2d::Ones(), 0.0};
-  std::size_t next = 0;
-  std::vector<double> blur_u, blur_v, steps;
-  for (int k = 0; k < columns * rows; ++k) {
-    const Vector2d at(k % columns, k / columns);
+  const int count = columns * rows;
+  const auto place = [&](int k) { return Vector2d(k % columns, k / columns); };
+  const auto fitNear = [&](int k, const Vector2d& pixel, const Warp& warp,
+                           const std::optional<Vector2d>& blur) {
     CornerGuess guess;
-    const bool is_known = next < known.size() && known[next] == at;
-    guess.pixel = is_known ? pixels[next++] : rough.at(at);
-    guess.axes = rough.jacobian(at);
+    guess.pixel = pixel;
+    guess.axes = warp.jacobian(place(k));
     const double apart = spacing(guess.axes).minCoeff();
-    guess.blur_px.setConstant(std::clamp(0.15 * apart, 0.6, 0.7 + 0.4 * scale));
-    avoidHollow(board, columns, rows, at, guess);
-    const auto fit = fitCorner(gray, guess);
+    if (blur)
+      guess.blur_px = *blur;
+    else
+      guess.blur_px.setConstant(std::clamp(0.15 * apart, 0.6, 0.7 + 0.4 * scale));
+    avoidHollow(board, columns, rows, place(k), guess);
+    auto fit = fitCorner(gray, guess);
     const int expected = (k % columns + k / columns) % 2 == 0 ? side : -side;
-    if (!fit || fit->step * expected <= 0.0) return std::nullopt;
+    if (fit && fit->step * expected <= 0.0) fit.reset();
+    return fit;
+  };
+  std::vector<std::optional<CornerFit>> fits(count);
+  std::size_t next = 0;
+  std::vector<Vector2d> fitted, fitted_pixels;
+  std::vector<double> blur_u, blur_v;
+  const auto failed = [&] { return count - static_cast<int>(fitted.size()); };
+  for (int k = 0; k < count; ++k) {
+    const bool is_known = next < known.size() && known[next] == place(k);
+    fits[k] = fitNear(k, is_known ? pixels[next++] : rough.at(place(k)), rough, std::nullopt);
+    if (fits[k]) {
+      fitted.push_back(place(k));
+      fitted_pixels.push_back(fits[k]->pixel);
+      blur_u.push_back(fits[k]->blur_px.x());
+      blur_v.push_back(fits[k]->blur_px.y());
+    } else if ((k + 1 - static_cast<int>(fitted.size())) * 10 > count * 3) {
+      return std::nullopt;
+    }
+  }
+  // Corners that were not found, or found off the surface of the others, are tried once more where the
+  // others say, with their blur.
+  const Vector2d typical_blur(median(blur_u), median(blur_v));
+  const bool complete = failed() == 0;
+  const Warp better = fitWithoutStrays(columns, rows, fitted, fitted_pixels);
+  if (!better.isFinite()) return std::nullopt;
+  if (!complete || failed() > 0) {
+    next = 0;
+    for (int k = 0; k < count; ++k) {
+      if (next < fitted.size() && fitted[next] == place(k)) {
+        ++next;
+        continue;
+      }
+      fits[k] = fitNear(k, better.at(place(k)), better, typical_blur);
+      if (!fits[k]) return std::nullopt;
+    }
+  }
+  std::vector<double> steps;
+  for (const auto& fit : fits) {
     grid.corners.push_back(*fit);
-    blur_u.push_back(fit->blur_px.x());
-    blur_v.push_back(fit->blur_px.y());
     steps.push_back(std::abs(fit->step));
   }
-  grid.blur_px = {median(blur_u), median(blur_v)};
+  grid.blur_px = typical_blur;
   grid.step = median(steps);
   grid.warp = fitWarp(columns, rows, grid.corners);
   if (!grid.warp.isFinite() || !isSmooth(grid) || !isEven(grid)) return std::nullopt;
@@ -226,16 +354,19 @@ std::optional<Grid> measureGrid(const cv::Mat& gray, const Checkerboard& board, 
     guess.blur_px = grid.blur_px;
     guess.fit_blur = false;
     avoidHollow(board, columns, rows, {k % columns, k / columns}, guess);
-    const auto fit = fitCorner(gray, guess);
-    if (!fit) return std::nullopt;
-    grid.corners[k] = *fit;
+    // Beside the hollow square of a small or blurred board nothing may be left of this smaller window: the
+    // first measurement stays.
+    if (const auto fit = fitCorner(gray, guess))
+      grid.corners[k] = *fit;
+    else if (guess.hollow_quadrant.x() == 0)
+      return std::nullopt;
   }
   grid.warp = fitWarp(columns, rows, grid.corners);
   if (!isSmooth(grid)) return std::nullopt;
   return grid;
 }
 
-bool remeasureBesideSolid(const cv::Mat& gray, const std::vector<Eigen::Vector2i>& solid, Grid& grid) {
+void remeasureBesideSolid(const cv::Mat& gray, const std::vector<Eigen::Vector2i>& solid, Grid& grid) {
   for (const Eigen::Vector2i& quadrant : solid) {
     const int column = quadrant.x() < 0 ? 0 : grid.columns - 1;
     const int row = quadrant.y() < 0 ? 0 : grid.rows - 1;
@@ -245,11 +376,19 @@ bool remeasureBesideSolid(const cv::Mat& gray, const std::vector<Eigen::Vector2i
     guess.axes = grid.warp.jacobian({column, row});
     guess.blur_px = grid.blur_px;
     guess.fit_blur = false;
-    const auto fit = fitCorner(gray, guess);
-    if (!fit) return false;
-    corner = *fit;
+    // What the whole window cannot measure stays as measured in a part of it.
+    if (const auto fit = fitCorner(gray, guess)) corner = *fit;
   }
-  return true;
+}
+
+std::optional<double> bilinear(const cv::Mat& gray, const Vector2d& p) {
+  if (!(p.x() >= 0 && p.y() >= 0 && p.x() < gray.cols - 1 && p.y() < gray.rows - 1)) return std::nullopt;
+  const int x = static_cast<int>(p.x());
+  const int y = static_cast<int>(p.y());
+  const double fx = p.x() - x, fy = p.y() - y;
+  const uchar* a = gray.ptr<uchar>(y) + x;
+  const uchar* b = gray.ptr<uchar>(y + 1) + x;
+  return (1 - fy) * ((1 - fx) * a[0] + fx * a[1]) + fy * ((1 - fx) * b[0] + fx * b[1]);
 }
 
 std::optional<double> brightness(const cv::Mat& gray, const Vector2d& pixel, int radius) {
@@ -267,6 +406,7 @@ std::optional<double> brightness(const cv::Mat& gray, const Vector2d& pixel, int
 }
 
 bool isWholeBoard(const cv::Mat& gray, const Grid& grid, const Checkerboard& board, double rim_squares) {
+  if (!showsCorners(gray, grid, board)) return false;
   const int radius = std::clamp(static_cast<int>(0.1 * grid.smallestSpacing()), 0, 3);
   // Cells are numbered from -1 (outside the first corner) to columns - 1; even sums share a color.
   const auto cellIsWhite = [&](int column, int row) {
@@ -306,54 +446,86 @@ bool isWholeBoard(const cv::Mat& gray, const Grid& grid, const Checkerboard& boa
     for (int k = -1; k < length; ++k) {
       const bool is_white = side.along_u ? cellIsWhite(k, line) : cellIsWhite(line, k);
       if (white_cells_only && !is_white) continue;
+      const auto value = side.along_u ? cell(k, outside) : cell(outside, k);
+      if (!value) continue;
+      if (white_cells_only) {
+        // Compared with the white cell itself: a light that falls on a part of the board only is much the
+        // same there.
+        const auto itself = side.along_u ? cell(k, line) : cell(line, k);
+        if (!itself) continue;
+        ++white_of_all.second;
+        if (*value > *itself - 0.8 * grid.step) ++white_of_all.first;
+        continue;
+      }
       // References: two cells one line further in, which are never hollow. Past the ends, the last ones.
       const int here = std::clamp(k, 0, length - 2);
       const int beside = here > 0 ? here - 1 : here + 1;
       const auto one = side.along_u ? cell(here, inward) : cell(inward, here);
       const auto other = side.along_u ? cell(beside, inward) : cell(inward, beside);
-      const auto value = side.along_u ? cell(k, outside) : cell(outside, k);
-      if (!one || !other || !value) continue;
+      if (!one || !other) continue;
       const double white = std::max(*one, *other), black = std::min(*one, *other);
       ++white_of_all.second;
       if (*value - black > 0.6 * (white - black)) ++white_of_all.first;
     }
     return white_of_all;
   };
-  // Corners that follow one square beyond a side, and places there that are none.
+  // Half a step between the squares around a corner, and the gap between the two pairs.
+  struct Look {
+    double step, gap;
+  };
+  const auto look = [&](const Vector2d& at) -> std::optional<Look> {
+    const Eigen::Matrix2d axes = grid.warp.jacobian(at);
+    const Vector2d pixel = grid.warp.at(at);
+    const int sign = (std::lround(at.x() + at.y()) % 2 == 0) == (grid.at(0, 0).step > 0) ? 1 : -1;
+    std::array<double, 4> value;
+    int next = 0;
+    for (const int du : {-1, 1}) {
+      for (const int dv : {-1, 1}) {
+        const auto mean = quadrant(gray, pixel, axes, du, dv);
+        if (!mean) return std::nullopt;
+        value[next++] = sign * *mean;
+      }
+    }
+    return Look{0.25 * (value[0] + value[3] - value[1] - value[2]),
+                std::min(value[0], value[3]) - std::max(value[1], value[2])};
+  };
+  double inner_step = 0.0;  // As seen by the same measure inside.
+  {
+    std::vector<double> steps;
+    for (int row = 0; row < grid.rows; ++row)
+      for (int column = 0; column < grid.columns; ++column)
+        if (const auto inner = look({column, row})) steps.push_back(inner->step);
+    if (steps.empty()) return false;
+    inner_step = median(steps);
+  }
+  // Corners that follow one square beyond a side, and places there that are none. The outer corner of a last
+  // black square gives half a step and no gap.
   const auto following = [&](const Side& side) {
     const int corners = side.along_u ? grid.columns : grid.rows;
     const int line = side.first ? -1 : side.along_u ? grid.rows : grid.columns;
     std::pair<int, int> next_and_none(0, 0);
     for (int k = 0; k < corners; ++k) {
-      const Vector2d at = side.along_u ? Vector2d(k, line) : Vector2d(line, k);
-      double step = 0.0;
-      bool seen = true;
-      for (const int a : {-1, 1}) {
-        for (const int b : {-1, 1}) {
-          const auto value = brightness(gray, grid.warp.at(at + 0.25 * Vector2d(a, b)), radius);
-          seen = seen && value;
-          if (value) step += 0.25 * a * b * *value;
-        }
-      }
-      if (!seen) continue;
-      // The outer corner of a last black square gives half a step.
-      const int sign = ((k + line) % 2 == 0) == (grid.at(0, 0).step > 0) ? 1 : -1;
-      (step * sign > 0.7 * grid.step ? next_and_none.first : next_and_none.second)++;
+      const auto beyond = look(side.along_u ? Vector2d(k, line) : Vector2d(line, k));
+      if (!beyond) continue;
+      (beyond->step > 0.75 * inner_step && beyond->gap > inner_step ? next_and_none.first
+                                                                    : next_and_none.second)++;
     }
     return next_and_none;
   };
   // A larger board would go on black beyond the white cells; and no line beside the board would be white
-  // all along, as the rim is, wherever it starts (some boards have narrower outer squares).
+  // all along, as the rim is, wherever it starts (some boards have narrower outer squares). Things behind a
+  // narrow rim look like a corner now and then; if many do, the rim must be there to prove the end.
   const auto endsOnSide = [&](const Side& side) {
     const auto [next, none] = following(side);
-    if (2 * next > none) return false;
+    const bool by_chance = next < 2 || 4 * next <= next + none;
     const double one = 1.0 + std::min(0.25, 0.5 * rim_squares);
     const auto [white, all] = rim(side, one, true);
-    if (white > 0 && 2 * white >= all) return true;
+    if (by_chance && white > 0 && 2 * white >= all) return true;
     for (double beyond = 0.4; beyond < 1.3; beyond += 0.06) {
       const auto [white_here, all_here] = rim(side, beyond, false);
-      if (all_here >= 3 && 10 * white_here > 7 * all_here) return true;
+      if (all_here >= 3 && 10 * white_here > (by_chance ? 7 : 8) * all_here) return true;
     }
+    if (!by_chance) return false;
     // A mark needs its printed rim; boards without one are also accepted where clearly no corner follows.
     if (board.hollow_corner) return false;
     const int corners = side.along_u ? grid.columns : grid.rows;

@@ -18,16 +18,6 @@ double blurredBox(double t, double from, double to, double blur) {
   return 0.5 * (std::erf((t - from) * s) - std::erf((t - to) * s));
 }
 
-std::optional<double> bilinear(const cv::Mat& gray, const Vector2d& p) {
-  if (!(p.x() >= 0 && p.y() >= 0 && p.x() < gray.cols - 1 && p.y() < gray.rows - 1)) return std::nullopt;
-  const int x = static_cast<int>(p.x());
-  const int y = static_cast<int>(p.y());
-  const double fx = p.x() - x, fy = p.y() - y;
-  const uchar* a = gray.ptr<uchar>(y) + x;
-  const uchar* b = gray.ptr<uchar>(y + 1) + x;
-  return (1 - fy) * ((1 - fx) * a[0] + fx * a[1]) + fy * ((1 - fx) * b[0] + fx * b[1]);
-}
-
 // What the corner cell diagonally beyond a corner of the grid looks like.
 struct CornerCell {
   double hollow = 0.0;    // 1: hollow as printed; 0: solid.
@@ -63,8 +53,9 @@ std::optional<CornerCell> measureCornerCell(const cv::Mat& gray, const Grid& gri
       // The cell diagonally inside is black as well.
       const double u_inner = quadrant.x() < 0 ? 1.0 : -1.0;
       const double v_inner = quadrant.y() < 0 ? 1.0 : -1.0;
-      const double solid = blurredBox(u, 0, 1, blur_u) * blurredBox(v, 0, 1, blur_v) +
-                           blurredBox(u, u_inner, u_inner + 1, blur_u) * blurredBox(v, v_inner, v_inner + 1, blur_v);
+      const double solid =
+          blurredBox(u, 0, 1, blur_u) * blurredBox(v, 0, 1, blur_v) +
+          blurredBox(u, u_inner, u_inner + 1, blur_u) * blurredBox(v, v_inner, v_inner + 1, blur_v);
       const double inside = blurredBox(u, inset, 1 - inset, blur_u) * blurredBox(v, inset, 1 - inset, blur_v);
       const Eigen::Vector3d row(1.0, -solid, inside);
       normal += row * row.transpose();
@@ -82,7 +73,8 @@ std::optional<CornerCell> measureCornerCell(const cv::Mat& gray, const Grid& gri
   cell.hollow = solution[2] / solution[1];
   cell.residual = std::sqrt(std::max(squares - solution.dot(right), 0.0) / count) / solution[1];
   // How strongly the white inside shows through the blur at all.
-  const double visible = blurredBox(0.5, inset, 1 - inset, blur_u) * blurredBox(0.5, inset, 1 - inset, blur_v);
+  const double visible =
+      blurredBox(0.5, inset, 1 - inset, blur_u) * blurredBox(0.5, inset, 1 - inset, blur_v);
   if (visible < 0.25) return std::nullopt;
   return cell;
 }
@@ -119,7 +111,8 @@ MarkResult findTurn(const cv::Mat& gray, const Grid& grid, const Checkerboard& b
     const Eigen::Vector2i quadrant = turn.firstCorner();
     // step > 0: bright where u and v grow together, which is where the outside cell lies if the signs of
     // its quadrant agree.
-    const bool outside_is_white = (grid.at(first.x(), first.y()).step > 0) == (quadrant.x() * quadrant.y() > 0);
+    const bool outside_is_white =
+        (grid.at(first.x(), first.y()).step > 0) == (quadrant.x() * quadrant.y() > 0);
     if (!outside_is_white) result.turns.push_back(turn);
   }
   if (result.turns.empty()) return result;
@@ -143,7 +136,8 @@ MarkResult findTurn(const cv::Mat& gray, const Grid& grid, const Checkerboard& b
       clear = clear && !possible;
       continue;
     }
-    const bool is_hollow = cell->hollow > kHollow && cell->hollow < kMostHollow && cell->residual < kMostResidual;
+    const bool is_hollow =
+        cell->hollow > kHollow && cell->hollow < kMostHollow && cell->residual < kMostResidual;
     if (is_hollow) {
       // At a corner where this board cannot have it: the picture is mirrored, or another board.
       if (!possible) return {};

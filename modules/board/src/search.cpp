@@ -2,6 +2,7 @@
 #include "search.h"
 
 #include <algorithm>
+#include <map>
 #include <opencv2/core/hal/intrin.hpp>
 
 #include "lattice.h"
@@ -22,10 +23,11 @@ std::optional<Found> examine(const cv::Mat& gray, const Checkerboard& board, dou
     std::vector<Eigen::Vector2i> solid;
     for (int quarters = 0; quarters < 4; ++quarters) {
       const auto& turns = found.mark.turns;
-      if (std::none_of(turns.begin(), turns.end(), [&](const Turn& turn) { return turn.quarters == quarters; }))
+      if (std::none_of(turns.begin(), turns.end(),
+                       [&](const Turn& turn) { return turn.quarters == quarters; }))
         solid.push_back(Turn{quarters}.firstCorner());
     }
-    if (!remeasureBesideSolid(gray, solid, found.grid)) return std::nullopt;
+    remeasureBesideSolid(gray, solid, found.grid);
   }
   return found;
 }
@@ -58,26 +60,36 @@ cv::Mat halve(const cv::Mat& gray) {
 
 std::optional<Found> searchBoard(const cv::Mat& gray, const Checkerboard& board, double rim_squares,
                                  const std::vector<int>& levels) {
+  struct Level {
+    cv::Mat smoothed;
+    std::vector<Saddle> saddles;
+  };
   std::vector<cv::Mat> pyramid{gray};
+  std::map<int, Level> seen;
   std::optional<Found> undecided;
   const int min_nodes = std::max(4, board.cornerCount() * 7 / 10);
-  for (const int level : levels) {
-    while (static_cast<int>(pyramid.size()) <= level) pyramid.push_back(halve(pyramid.back()));
-    const cv::Mat& image = pyramid[level];
-    if (image.cols < 24 || image.rows < 24) continue;
-    const cv::Mat smoothed = smooth(image);
-    const auto lattices = findLattices(smoothed, findSaddles(smoothed), min_nodes);
-    const double scale = 1 << level;
-    for (const Lattice& lattice : lattices) {
-      for (const Placement& placement : findPlacements(lattice, board)) {
-        auto found = examine(gray, board, rim_squares, lattice, scale, placement);
-        if (!found) continue;
-        if (!board.hollow_corner || found->mark.status == MarkStatus::kFound) return found;
-        if (!undecided) undecided = std::move(found);
+  for (const auto& find : {findLattices, growLattices}) {
+    for (const int level : levels) {
+      while (static_cast<int>(pyramid.size()) <= level) pyramid.push_back(halve(pyramid.back()));
+      const cv::Mat& image = pyramid[level];
+      if (image.cols < 24 || image.rows < 24) continue;
+      Level& here = seen[level];
+      if (here.smoothed.empty()) {
+        here.smoothed = smooth(image);
+        here.saddles = withoutTwins(image.size(), findSaddles(here.smoothed));
       }
+      const double scale = 1 << level;
+      for (const Lattice& lattice : find(here.smoothed, here.saddles, min_nodes)) {
+        for (const Placement& placement : findPlacements(lattice, board)) {
+          auto found = examine(gray, board, rim_squares, lattice, scale, placement);
+          if (!found) continue;
+          if (!board.hollow_corner || found->mark.status == MarkStatus::kFound) return found;
+          if (!undecided) undecided = std::move(found);
+        }
+      }
+      // A board that shows its mark is preferred to one that does not.
+      if (undecided) return undecided;
     }
-    // A board that shows its mark is preferred to one that does not.
-    if (undecided) return undecided;
   }
   return std::nullopt;
 }

@@ -71,6 +71,32 @@ TEST(Detector, FindsSmallSquares) {
   EXPECT_LT(std::min(rmsPx(*detection, picture.corners), test::rmsTurnedPx(*detection, picture.corners)), 0.15);
 }
 
+// Rows about 5 px apart leave no edge to follow between two corners.
+TEST(Detector, FindsForeshortenedSmallSquares) {
+  const BoardSpec board;
+  for (int k = 0; k < 8; ++k) {
+    PictureOptions options;
+    options.square_px = 13;
+    options.tilt_rad = 65 * kDegree;
+    options.tilt_axis_rad = 0.8 * k;
+    options.roll_rad = 0.5 * k;
+    options.seed = 40 + k;
+    const Picture picture = renderPicture(board, options);
+    const auto detection = Detector(board).detect(picture.gray);
+    ASSERT_TRUE(detection) << k;
+    EXPECT_LT(std::min(rmsPx(*detection, picture.corners), test::rmsTurnedPx(*detection, picture.corners)), 0.3) << k;
+  }
+}
+
+// The corners under the strip could only be guessed.
+TEST(Detector, RefusesABoardWithACoveredLine) {
+  for (const double gray : {20.0, 90.0, 125.0, 160.0, 230.0}) {
+    PictureOptions options;
+    options.covers.push_back({-1, 0.7, 8, 1.3, gray});
+    EXPECT_FALSE(Detector(BoardSpec()).detect(renderPicture(BoardSpec(), options).gray)) << "gray " << gray;
+  }
+}
+
 TEST(Detector, FindsBoardsOfOtherSizesInBothOrdersOfTheirDimensions) {
   for (const auto& [x, y] : {std::pair(5, 7), std::pair(7, 5), std::pair(10, 7), std::pair(9, 12), std::pair(6, 5)}) {
     for (const double roll : {0.2, 1.8}) {
