@@ -405,8 +405,47 @@ std::optional<double> brightness(const cv::Mat& gray, const Vector2d& pixel, int
   return static_cast<double>(sum) / (side * side);
 }
 
+namespace {
+
+// True if it looks as if dots were taken for squares: between the dots of a perforated sheet, whose rows cross like
+// squares set on edge. However blurred, a checkerboard is black and white in equal parts, so that a corner is as
+// bright as the mean of its squares (unless the camera's response is curved), and as bright as the middle of an
+// edge (always). Between dots it is neither. Says nothing of large squares, where nobody takes dots for them.
+bool showsDots(const cv::Mat& gray, const Grid& grid) {
+  constexpr double kLargeSpacingPx = 12.0;
+  const double spacing_px = grid.smallestSpacing();
+  if (spacing_px > kLargeSpacingPx) return false;
+  // Shares of white minus black. Rendered boards reach 0.05 in both, dots start at 0.18 and 0.06, at 0.17 from 6 px on,
+  // where blur leaves more of their shape; a real board whose white has bloomed shows 0.24 and 0.09 at 7 px.
+  constexpr double kMostOffSquares = 0.12;
+  const double most_off_edges = std::clamp(0.05 * (spacing_px - 3.0), 0.05, 0.15);
+  double off_squares = 0.0, off_edges = 0.0, contrast = 0.0;
+  for (int row = 0; row < grid.rows; ++row) {
+    for (int column = 0; column < grid.columns; ++column) {
+      const bool at_end = (column == 0 || column == grid.columns - 1) && (row == 0 || row == grid.rows - 1);
+      if (at_end) continue;  // A hollow square may be there.
+      bool seen = true;
+      const auto at = [&](double du, double dv) {
+        const auto value = bilinear(gray, grid.warp.at(Vector2d(column + du, row + dv)));
+        seen = seen && value.has_value();
+        return value.value_or(0.0);
+      };
+      const double first = 0.5 * (at(-0.5, -0.5) + at(0.5, 0.5)), second = 0.5 * (at(-0.5, 0.5) + at(0.5, -0.5));
+      const double edges = 0.25 * (at(-0.5, 0) + at(0.5, 0) + at(0, -0.5) + at(0, 0.5));
+      const double corner = at(0, 0);
+      if (!seen) continue;
+      off_squares += corner - 0.5 * (first + second);
+      off_edges += corner - edges;
+      contrast += std::abs(first - second);
+    }
+  }
+  return std::abs(off_squares) > kMostOffSquares * contrast && std::abs(off_edges) > most_off_edges * contrast;
+}
+
+}  // namespace
+
 bool isWholeBoard(const cv::Mat& gray, const Grid& grid, const Checkerboard& board, double rim_squares) {
-  if (!showsCorners(gray, grid, board)) return false;
+  if (!showsCorners(gray, grid, board) || showsDots(gray, grid)) return false;
   const int radius = std::clamp(static_cast<int>(0.1 * grid.smallestSpacing()), 0, 3);
   // Cells are numbered from -1 (outside the first corner) to columns - 1; even sums share a color.
   const auto cellIsWhite = [&](int column, int row) {
