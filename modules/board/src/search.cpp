@@ -66,7 +66,9 @@ std::optional<Found> searchBoard(const cv::Mat& gray, const Checkerboard& board,
   };
   std::vector<cv::Mat> pyramid{gray};
   std::map<int, Level> seen;
-  std::optional<Found> undecided;
+  // Fine textures imitate boards of a few pixels per square: such a one is taken only if there is no larger one.
+  constexpr double kSureSpacingPx = 6.0;
+  std::optional<Found> best;
   const int min_nodes = std::max(4, board.cornerCount() * 7 / 10);
   for (const auto& find : {findLattices, growLattices}) {
     for (const int level : levels) {
@@ -83,15 +85,15 @@ std::optional<Found> searchBoard(const cv::Mat& gray, const Checkerboard& board,
         for (const Placement& placement : findPlacements(lattice, board)) {
           auto found = examine(gray, board, rim_squares, lattice, scale, placement);
           if (!found) continue;
-          if (!board.hollow_corner || found->mark.status == MarkStatus::kFound) return found;
-          if (!undecided) undecided = std::move(found);
+          // A board that shows its mark is preferred to one that does not.
+          if (board.hollow_corner && found->mark.status == MarkStatus::kFound) return found;
+          if (!best || found->grid.smallestSpacing() > best->grid.smallestSpacing()) best = std::move(found);
         }
       }
-      // A board that shows its mark is preferred to one that does not.
-      if (undecided) return undecided;
+      if (best && best->grid.smallestSpacing() >= kSureSpacingPx) return best;
     }
   }
-  return std::nullopt;
+  return best;
 }
 
 }  // namespace servocal::board
