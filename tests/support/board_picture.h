@@ -4,7 +4,6 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -220,6 +219,32 @@ inline std::vector<Eigen::Vector2d> projectOutline(const BoardSpec& board, const
 
 namespace picture {
 
+/// Pixels that points of the image may touch, with room for a pixel's own size.
+inline cv::Rect boxAround(const std::vector<Eigen::Vector2d>& points, const cv::Mat& image) {
+  Eigen::Vector2d low = points[0], high = points[0];
+  for (const Eigen::Vector2d& p : points) {
+    low = low.cwiseMin(p);
+    high = high.cwiseMax(p);
+  }
+  const int x0 = std::clamp(static_cast<int>(low.x()) - 3, 0, image.cols);
+  const int x1 = std::clamp(static_cast<int>(high.x()) + 4, 0, image.cols);
+  const int y0 = std::clamp(static_cast<int>(low.y()) - 3, 0, image.rows);
+  const int y1 = std::clamp(static_cast<int>(high.y()) + 4, 0, image.rows);
+  return {x0, y0, x1 - x0, y1 - y0};
+}
+
+/// 2^bits points of the unit square in as many different columns and rows (Hammersley's set).
+inline std::vector<Eigen::Vector2d> hammersley(int bits) {
+  std::vector<Eigen::Vector2d> set;
+  const int count = 1 << bits;
+  for (int k = 0; k < count; ++k) {
+    int reversed = 0;
+    for (int bit = 0; bit < bits; ++bit) reversed |= ((k >> bit) & 1) << (bits - 1 - bit);
+    set.emplace_back((k + 0.5) / count, (reversed + 0.5) / count);
+  }
+  return set;
+}
+
 /// Draws a print whose origin and unit are given by `to_print` (homogeneous, from normalized image
 /// coordinates) over `image`, inside the box of `outline` (px).
 ///
@@ -230,25 +255,9 @@ namespace picture {
 inline void draw(const Print& print, const Eigen::Matrix3d& to_print, const View& view,
                  const std::vector<Eigen::Vector2d>& outline, cv::Mat& image) {
   using Eigen::Vector2d;
-  Vector2d low = outline[0], high = outline[0];
-  for (const Vector2d& p : outline) {
-    low = low.cwiseMin(p);
-    high = high.cwiseMax(p);
-  }
-  const int x0 = std::clamp(static_cast<int>(low.x()) - 3, 0, image.cols);
-  const int x1 = std::clamp(static_cast<int>(high.x()) + 4, 0, image.cols);
-  const int y0 = std::clamp(static_cast<int>(low.y()) - 3, 0, image.rows);
-  const int y1 = std::clamp(static_cast<int>(high.y()) + 4, 0, image.rows);
-  constexpr int kRays = 64;
-  static const std::array<Vector2d, kRays> rays = [] {
-    std::array<Vector2d, kRays> set;
-    for (int k = 0; k < kRays; ++k) {
-      int reversed = 0;
-      for (int bit = 0; bit < 6; ++bit) reversed |= ((k >> bit) & 1) << (5 - bit);
-      set[k] = Vector2d((k + 0.5) / kRays, (reversed + 0.5) / kRays);
-    }
-    return set;
-  }();
+  const cv::Rect box = boxAround(outline, image);
+  const int x0 = box.x, x1 = box.x + box.width, y0 = box.y, y1 = box.y + box.height;
+  static const std::vector<Vector2d> rays = hammersley(6);
   // The upper left corners of a row of pixels, on the print.
   struct Place {
     Vector2d at;
@@ -293,7 +302,7 @@ inline void draw(const Print& print, const Eigen::Matrix3d& to_print, const View
             print.at(Print::passed(print.x, at.x(), a.passed_x), Print::passed(print.y, at.y(), a.passed_y));
         sum += gray >= 0 ? gray : row[x];
       }
-      row[x] = static_cast<float>(sum / kRays);
+      row[x] = static_cast<float>(sum / rays.size());
     }
     std::swap(above, below);
   }
@@ -391,66 +400,6 @@ inline Picture renderPicture(const BoardSpec& board, const PictureOptions& optio
                   view, outline, image);
     if (options.highlight_gray > 0)
       picture::addHighlight(view.project(0.2 * squares.squares_x * square, -0.1 * square), options, image);
-  }
-  result.gray = picture::expose(image, options);
-  return result;
-}
-
-/// Renders a plate with any print by casting 32 rays per pixel (a Hammersley set: 32 different columns and
-/// rows, so that even an edge along the pixels is placed to 1/64 px), then as above. `paint(x, y)`:
-/// reflectance (0 black, 1 white) at a point of the plate, from the pattern's upper left, in the board's unit
-/// (see unitOf).
-template <typename Paint>
-Picture renderPainted(const BoardSpec& board, const PictureOptions& options, const Paint& paint) {
-  using Eigen::Vector2d;
-  cv::Mat image;
-  Picture result = picture::begin(board, options, image);
-  if (options.board) {
-    const View view(board, options);
-    const double unit = unitOf(board);
-    const Vector2d origin = board.patternOutline().front().head<2>() / unit;
-    const Vector2d plate = -board.outline().front().head<2>() / unit;  // Half of it.
-    Vector2d low = result.outline[0], high = result.outline[0];
-    for (const Vector2d& p : result.outline) {
-      low = low.cwiseMin(p);
-      high = high.cwiseMax(p);
-    }
-    const int x0 = std::clamp(static_cast<int>(low.x()) - 3, 0, image.cols);
-    const int x1 = std::clamp(static_cast<int>(high.x()) + 4, 0, image.cols);
-    const int y0 = std::clamp(static_cast<int>(low.y()) - 3, 0, image.rows);
-    const int y1 = std::clamp(static_cast<int>(high.y()) + 4, 0, image.rows);
-    const Eigen::Matrix3d to_plane = view.toPlane(unit, Vector2d::Zero());
-    constexpr int kRays = 32;
-    Vector2d rays[kRays];
-    for (int k = 0; k < kRays; ++k) {
-      int reversed = 0;
-      for (int bit = 0; bit < 5; ++bit) reversed |= ((k >> bit) & 1) << (4 - bit);
-      rays[k] = Vector2d((k + 0.5) / kRays - 0.5, (reversed + 0.5) / kRays - 0.5);
-    }
-    for (int y = y0; y < y1; ++y) {
-      float* row = image.ptr<float>(y);
-      for (int x = x0; x < x1; ++x) {
-        double sum = 0;
-        for (const Vector2d& ray : rays) {
-          const Vector2d d((x + ray.x() - view.cx) / view.focal, (y + ray.y() - view.cy) / view.focal);
-          Vector2d n = d;
-          if (view.k1 != 0)
-            for (int iteration = 0; iteration < 6; ++iteration) n = d / (1 + view.k1 * n.squaredNorm());
-          const Eigen::Vector3d h = to_plane * n.homogeneous();
-          const Vector2d at = h.hnormalized(), from = at - origin;
-          double gray = row[x];
-          if (h.z() > 0 && std::abs(at.x()) <= plate.x() && std::abs(at.y()) <= plate.y())
-            gray = options.black + (options.white - options.black) * paint(from.x(), from.y());
-          for (const auto& cover : options.covers)
-            if (from.x() > cover.x0 && from.x() < cover.x1 && from.y() > cover.y0 && from.y() < cover.y1)
-              gray = cover.gray;
-          sum += gray;
-        }
-        row[x] = static_cast<float>(sum / kRays);
-      }
-    }
-    if (options.highlight_gray > 0)
-      picture::addHighlight(view.project(-0.4 * origin.x() * unit, -0.1 * unit), options, image);
   }
   result.gray = picture::expose(image, options);
   return result;

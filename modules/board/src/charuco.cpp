@@ -6,6 +6,7 @@
 
 #include "corner_fit.h"
 #include "finder.h"
+#include "median.h"
 #include "tag_family.h"
 #include "tag_search.h"
 
@@ -33,11 +34,6 @@ std::vector<BoardTag> markersOf(const Charuco& board) {
     }
   }
   return markers;
-}
-
-double median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
-  return values[values.size() / 2];
 }
 
 class CharucoFinder final : public Finder {

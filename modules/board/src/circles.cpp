@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "finder.h"
+#include "sample.h"
 #include "warp.h"
 
 namespace servocal::board {
@@ -29,14 +30,6 @@ struct Disc {
   double size = 1.0;  // Over the nominal diameter.
 };
 
-double bilinear(const cv::Mat& gray, const Vector2d& p) {
-  const int x = static_cast<int>(std::floor(p.x())), y = static_cast<int>(std::floor(p.y()));
-  const double fx = p.x() - x, fy = p.y() - y;
-  const uchar* row = gray.ptr<uchar>(y) + x;
-  const uchar* next = gray.ptr<uchar>(y + 1) + x;
-  return (1 - fy) * ((1 - fx) * row[0] + fx * row[1]) + fy * ((1 - fx) * next[0] + fx * next[1]);
-}
-
 /// Where brightness along from + t * ray, t in [0, most], first reaches half of what it rises by.
 std::optional<double> edgeAlong(const cv::Mat& gray, const Vector2d& from, const Vector2d& ray, double most) {
   thread_local std::vector<double> profile;
@@ -45,7 +38,7 @@ std::optional<double> edgeAlong(const cv::Mat& gray, const Vector2d& from, const
   double brightest = 0;
   for (double t = 0; t <= most; t += step) {
     const Vector2d p = from + t * ray;
-    if (!(p.x() >= 0 && p.y() >= 0 && p.x() < gray.cols - 1 && p.y() < gray.rows - 1)) break;
+    if (!insideImage(gray, p)) break;
     profile.push_back(bilinear(gray, p));
     brightest = std::max(brightest, profile.back());
   }

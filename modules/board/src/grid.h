@@ -50,14 +50,4 @@ std::optional<Grid> measureGrid(const cv::Mat& gray, const Checkerboard& board, 
 /// solid. `solid` holds (u, v) signs of the grid's corner: (-1,-1) is the cell beyond (0,0).
 void remeasureBesideSolid(const cv::Mat& gray, const std::vector<Eigen::Vector2i>& solid, Grid& grid);
 
-/// True if colors alternate as on a checkerboard and every side of it ends in a white rim (`rim_squares`
-/// wide), not in more squares.
-bool isWholeBoard(const cv::Mat& gray, const Grid& grid, const Checkerboard& board, double rim_squares);
-
-/// Brightness between pixels, or nothing if outside the image.
-std::optional<double> bilinear(const cv::Mat& gray, const Eigen::Vector2d& pixel);
-
-/// Mean brightness around a point, or nothing if outside the image.
-std::optional<double> brightness(const cv::Mat& gray, const Eigen::Vector2d& pixel, int radius);
-
 }  // namespace servocal::board

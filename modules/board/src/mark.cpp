@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "mark.h"
+#include "sample.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
@@ -48,7 +49,7 @@ std::optional<CornerCell> measureCornerCell(const cv::Mat& gray, const Grid& gri
       double v = -0.25 + 1.25 * (b + 0.5) / kSamples;
       if (quadrant.x() > 0) u = 1.0 - u;
       if (quadrant.y() > 0) v = 1.0 - v;
-      const auto value = bilinear(gray, grid.warp.at({u0 + u, v0 + v}));
+      const auto value = brightnessAt(gray, grid.warp.at({u0 + u, v0 + v}));
       if (!value) return std::nullopt;
       // The cell diagonally inside is black as well.
       const double u_inner = quadrant.x() < 0 ? 1.0 : -1.0;

@@ -7,6 +7,7 @@
 
 #include "lattice.h"
 #include "saddle.h"
+#include "whole_board.h"
 
 namespace servocal::board {
 namespace {

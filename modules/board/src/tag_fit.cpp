@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "error_function.h"
+#include "sample.h"
 #include "warp.h"
 
 namespace servocal::board {
@@ -32,18 +33,6 @@ struct Line {
   double blur, black, white;
 };
 
-double bilinear(const cv::Mat& gray, const Vector2d& p) {
-  const int x = static_cast<int>(std::floor(p.x())), y = static_cast<int>(std::floor(p.y()));
-  const double fx = p.x() - x, fy = p.y() - y;
-  const uchar* row = gray.ptr<uchar>(y) + x;
-  const uchar* next = gray.ptr<uchar>(y + 1) + x;
-  return (1 - fy) * ((1 - fx) * row[0] + fx * row[1]) + fy * ((1 - fx) * next[0] + fx * next[1]);
-}
-
-bool inside(const cv::Mat& gray, const Vector2d& p) {
-  return p.x() >= 0 && p.y() >= 0 && p.x() < gray.cols - 1 && p.y() < gray.rows - 1;
-}
-
 /// Where, within `search` px, brightness falls most towards the inside, on the mean along a to b.
 std::optional<double> steepest(const cv::Mat& gray, const Vector2d& a, const Vector2d& b,
                                const Vector2d& inwards, double search) {
@@ -54,7 +43,7 @@ std::optional<double> steepest(const cv::Mat& gray, const Vector2d& a, const Vec
     double sum = 0;
     for (int k = 0; k < kPlaces; ++k) {
       const Vector2d p = a + (k + 0.5) / kPlaces * (b - a) + shift * inwards;
-      if (!inside(gray, p)) return std::nullopt;
+      if (!insideImage(gray, p)) return std::nullopt;
       sum += bilinear(gray, p);
     }
     profile.push_back(sum / kPlaces);
@@ -271,7 +260,7 @@ int wrongCells(const cv::Mat& gray, const TagFit& tag, const cv::Mat& cells) {
     for (int x = 0; x < cells.cols; ++x) {
       const Vector2d p = (homography * Eigen::Vector3d(x + 0.5, y + 0.5, 1)).hnormalized();
       const bool white = cells.at<uchar>(y, x) != 0;
-      if (!inside(gray, p) || (bilinear(gray, p) > threshold) != white) ++wrong;
+      if (!insideImage(gray, p) || (bilinear(gray, p) > threshold) != white) ++wrong;
     }
   }
   return wrong;

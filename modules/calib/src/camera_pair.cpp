@@ -6,6 +6,7 @@
 
 #include "arrow.h"
 #include "corner_weight.h"
+#include "median.h"
 #include "servocal/calib/board_pose.h"
 
 namespace servocal::calib {
@@ -192,11 +193,6 @@ class Problem {
  private:
   const CameraModel* cameras_[2];
 };
-
-double median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
-  return values[values.size() / 2];
-}
 
 std::optional<ArrowFit<State>> minimize(Problem& problem, const State& start) {
   std::optional<ArrowFit<State>> fit;

@@ -10,6 +10,7 @@
 #include "arrow.h"
 #include "corner_weight.h"
 #include "homography.h"
+#include "median.h"
 #include "servocal/calib/board_pose.h"
 #include "view_reasons.h"
 
@@ -25,11 +26,6 @@ struct State {
   CameraModel camera;
   std::vector<Eigen::Isometry3d> cMo;
 };
-
-double median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
-  return values[values.size() / 2];
-}
 
 /// The least-squares problem over the views in use.
 class Problem {

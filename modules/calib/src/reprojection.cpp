@@ -10,6 +10,7 @@
 #include "board_turns.h"
 #include "corner_weight.h"
 #include "hand_eye_start.h"
+#include "median.h"
 #include "servocal/calib/board_pose.h"
 #include "view_reasons.h"
 
@@ -32,11 +33,6 @@ struct State {
   Eigen::Isometry3d rMo;
   std::vector<Vector6d> corrections;  // of the flange: displacement (m), rotation vector (rad), its axes
 };
-
-double median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
-  return values[values.size() / 2];
-}
 
 /// The pose after a displacement of its origin and a turn about it, along the axes of the left frame.
 Eigen::Isometry3d movedAboutOrigin(const Eigen::Isometry3d& pose, const Eigen::Ref<const Vector6d>& step) {

@@ -6,16 +6,12 @@
 #include <cstdio>
 #include <optional>
 
+#include "median.h"
+
 namespace servocal::calib {
 namespace {
 
 constexpr double kDegPerRad = 180.0 / M_PI;
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
-  return values[values.size() / 2];
-}
 
 std::string number(const char* pattern, double value) {
   char text[32];
@@ -61,7 +57,7 @@ double claimedSigmaPx(const BoardDetection& detection) {
     const double variance = 0.5 * corner.covariance_px2.trace();
     sigmas.push_back(std::isfinite(variance) && variance > 0 ? std::sqrt(variance) : 0.0);
   }
-  return median(sigmas);
+  return sigmas.empty() ? 0.0 : median(sigmas);
 }
 
 void explainImage(const BoardDetection& detection, double sharpness_px, double usual_rms_px, double rms_px,
@@ -88,7 +84,9 @@ void explainLeftOut(const BoardSpec& board, Mount mount, const Eigen::Isometry3d
     sharpness_px.push_back(claimedSigmaPx(*stops[i].detection));
     image_rms_px.push_back(stops[i].candidates.front().rms_px);
   }
-  const double usual_sigma_px = median(sharpness_px), usual_rms_px = median(image_rms_px);
+  // Nothing to compare with if no view is left.
+  const double usual_sigma_px = sharpness_px.empty() ? 0.0 : median(sharpness_px);
+  const double usual_rms_px = image_rms_px.empty() ? 0.0 : median(image_rms_px);
 
   for (std::size_t i = 0; i < stops.size(); ++i) {
     if (reports[i].used) continue;

@@ -48,19 +48,30 @@ class CameraSolver {
     result_.camera = camera;
   }
 
-  /// False if there are none; missing() says why.
-  bool solveIntrinsics() {
+  /// Intrinsics, and with robot poses the hand-eye. Nothing without intrinsics; missing() says why.
+  std::optional<CameraResult> solve(bool has_robot) {
+    auto intrinsics = solveIntrinsics();
+    if (!intrinsics) return std::nullopt;
+    result_.intrinsics = *std::move(intrinsics);
+    if (has_robot) solveHandEye();
+    return std::move(result_);
+  }
+  const std::vector<std::string>& missing() const { return missing_; }
+
+ private:
+  std::optional<IntrinsicsResult> solveIntrinsics() {
     const auto given = options_.given_intrinsics.find(result_.camera);
     if (given != options_.given_intrinsics.end()) {
-      result_.intrinsics.camera = given->second;  // No standard deviations: nothing was estimated.
-      return true;
+      IntrinsicsResult believed;  // No standard deviations: nothing was estimated.
+      believed.camera = given->second;
+      return believed;
     }
     calib::IntrinsicsOptions options = options_.intrinsics;
     calib::IntrinsicsOutcome outcome =
         calib::solveIntrinsics(board_, observations_, result_.camera, Stream::kColor, options);
     if (!outcome.result) {
       missing_.push_back("intrinsics of " + result_.camera + ": " + calib::toString(outcome.status));
-      return false;
+      return std::nullopt;
     }
     if (hasOutliers(outcome.result->views)) {
       options.outlier_ratio = 0;
@@ -70,9 +81,8 @@ class CameraSolver {
         result_.notes.push_back("with the views that were left out, the intrinsics cannot be solved");
       }
     }
-    result_.intrinsics = *std::move(outcome.result);
-    listUnseen(observations_, result_.intrinsics.views);
-    return true;
+    listUnseen(observations_, outcome.result->views);
+    return std::move(outcome.result);
   }
 
   void solveHandEye() {
@@ -106,10 +116,6 @@ class CameraSolver {
     noteWhatTheRobotDecided();
   }
 
-  CameraResult result() && { return std::move(result_); }
-  const std::vector<std::string>& missing() const { return missing_; }
-
- private:
   const CameraModel& model() const { return result_.intrinsics.camera; }
 
   /// A sentence if robot and images cannot both be right; a note if they nearly can.
@@ -197,14 +203,13 @@ CalibrationResult solve(const BoardSpec& board, const std::vector<Observation>& 
   }
   for (const std::string& camera : cameras) {
     CameraSolver solver(board, observations, camera, options);
-    const bool has_intrinsics = solver.solveIntrinsics();
-    if (has_intrinsics && has_robot) solver.solveHandEye();
+    auto solved = solver.solve(has_robot);
     result.missing.insert(result.missing.end(), solver.missing().begin(), solver.missing().end());
-    if (!has_intrinsics) continue;
+    if (!solved) continue;
     if (!has_robot && cameras.size() == 1 && options.given_intrinsics.count(camera) > 0) {
       result.missing.push_back(camera + ": intrinsics are given and there are no robot poses; nothing to solve");
     }
-    result.cameras.push_back(std::move(solver).result());
+    result.cameras.push_back(*std::move(solved));
   }
   for (std::size_t i = 1; i < result.cameras.size(); ++i) {
     const CameraResult &first = result.cameras.front(), &second = result.cameras[i];

@@ -159,6 +159,50 @@ TEST(Detector, FindsNothingWhereNoBoardIs) {
   EXPECT_FALSE(Detector(BoardSpec()).detect(cv::Mat(5, 7, CV_8UC1, cv::Scalar(90))));
 }
 
+// Between the dots of a fine sheet a lattice of saddles looks like a board set on edge.
+TEST(Detector, APerforatedSheetIsNoBoard) {
+  for (const double pitch_px : {5.6, 6.0, 7.0, 8.0, 9.0}) {
+    for (const double blur_px : {0.6, 1.0}) {
+      PictureOptions sheet;
+      sheet.board = false;
+      sheet.clutter = false;
+      cv::Mat gray(480, 640, CV_8UC1, cv::Scalar(150));
+      // As many rows and columns as hold the board once and nothing more, turned by 45 degrees.
+      constexpr int kShift = 4;
+      for (int row = 0; row < 7; ++row) {
+        for (int column = 0; column < 9; ++column) {
+          const cv::Point centre(std::lround((200 + pitch_px * column) * (1 << kShift)),
+                                 std::lround((150 + pitch_px * row) * (1 << kShift)));
+          cv::circle(gray, centre, std::lround(pitch_px / 3 * (1 << kShift)), cv::Scalar(20), cv::FILLED, cv::LINE_AA, kShift);
+        }
+      }
+      cv::GaussianBlur(gray, gray, cv::Size(), blur_px);
+      for (const BoardSpec& board : {BoardSpec(), test::plainBoard(7, 5), test::plainBoard(6, 5), test::plainBoard(5, 4)})
+        EXPECT_FALSE(Detector(board).detect(gray)) << pitch_px << " px, " << board.describe();
+    }
+  }
+}
+
+// What a fine texture imitates may be small; the board beside it is not.
+TEST(Detector, TakesTheLargerOfTwoBoards) {
+  const BoardSpec board = test::plainBoard(8, 5);
+  PictureOptions options;
+  options.clutter = false;
+  options.centre_px = {480, 330};
+  options.square_px = 24;
+  Picture large = renderPicture(board, options);
+  options.centre_px = {120, 80};
+  options.square_px = 5;
+  options.blur_px = 0.6;
+  const Picture small = renderPicture(board, options);
+  ASSERT_TRUE(Detector(board).detect(small.gray));
+  const cv::Rect corner(0, 0, 240, 160);
+  small.gray(corner).copyTo(large.gray(corner));
+  const auto detection = Detector(board).detect(large.gray);
+  ASSERT_TRUE(detection);
+  EXPECT_LT(rmsPx(*detection, large.corners), 0.1);
+}
+
 TEST(Detector, TracksAMovingBoardAndForgetsIt) {
   const BoardSpec board;
   Detector detector(board);

@@ -5,6 +5,7 @@
 #include <map>
 #include <opencv2/aruco.hpp>
 
+#include "painted_picture.h"
 #include "pictures.h"
 
 namespace servocal::test {

@@ -43,6 +43,26 @@ struct PlanScene {
   PlanOptions options;
 };
 
+// At the image's edge a lean adds to the angle of the line of sight.
+TEST(NextView, NoViewIsMoreObliqueThanTheDetectorBears) {
+  PlanScene scene;
+  scene.options.max_obliquity_rad = 0.5;
+  std::vector<Pose<Color, Board>> tried;
+  double largest = 0;
+  for (int view = 0; view < 12; ++view) {
+    const NextView next = scene.next(tried);
+    for (const int cell : next.unreachable) scene.coverage.giveUp(cell);
+    if (!next.view) break;
+    const Pose<Color, Board>& cdMo = next.view->cdMo;
+    const double cosine = cdMo.rotation().col(2).dot(cdMo.translation().normalized());
+    largest = std::max(largest, std::acos(std::min(1.0, cosine)));
+    scene.coverage.add(scene.cornersOf(cdMo), cdMo);
+    tried.push_back(cdMo);
+  }
+  EXPECT_LE(largest, 0.5 + 1e-9);
+  EXPECT_GT(largest, 0.3);  // There were oblique views to choose from.
+}
+
 TEST(NextView, FirstServesTheImageCentreWithAViewTheArmCanTake) {
   const PlanScene scene;
   const NextView next = scene.next();

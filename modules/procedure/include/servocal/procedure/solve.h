@@ -27,10 +27,11 @@ struct SolveOptions {
 };
 
 /// Solves a set of observations, live or recorded: for every camera that occurs in them, Zhang's
-/// intrinsics, then, where there are robot poses, the hand-eye; and the poses of the other cameras in the first. What cannot be determined is missing from
-/// the result and named in CalibrationResult::missing; goal_met says whether nothing is. An observation
-/// without any view (no board in its image) is listed among the views that were not used. Where views were
-/// left out, the result with them stands beside (CameraResult::intrinsics_with_outliers).
+/// intrinsics, then, where there are robot poses, the hand-eye; and the poses of the other cameras in the
+/// first. What cannot be determined is missing from the result and named in CalibrationResult::missing;
+/// goal_met says whether nothing is. An observation without any view (no board in its image) is listed among
+/// the views that were not used. Where views were left out, the result with them stands beside
+/// (CameraResult::intrinsics_with_outliers).
 ///
 /// A contradiction between robot and images (no common solution; fewer than 80 % of the views agree and there
 /// is a way to read the poses in which they do; or the board is off by more than 10 % and 5 sigma by the
