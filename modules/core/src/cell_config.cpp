@@ -2,6 +2,7 @@
 #include "servocal/core/cell_config.h"
 
 #include <algorithm>
+#include <stdexcept>
 
 #include "config_text.h"
 #include "default_cell.h"
@@ -68,6 +69,19 @@ MotionLimits readLimits(const ConfigReader& section) {
   return limits;
 }
 
+InfraredConfig readInfrared(const ConfigReader& section) {
+  InfraredConfig infrared;
+  infrared.width_px = section.integer("width_px", {64, 20000});
+  infrared.height_px = section.integer("height_px", {64, 20000});
+  infrared.horizontal_fov_rad = section.number("horizontal_fov_deg", {5.0, 170.0}) * kRadPerDeg;
+  if (section.has("depth")) {
+    infrared.depth = static_cast<DepthSensor>(section.choice("depth", {"structured_light", "time_of_flight"}));
+  }
+  infrared.excludes_color = section.boolean("excludes_color", infrared.excludes_color);
+  section.finish();
+  return infrared;
+}
+
 CameraConfig readCamera(const ConfigReader& section) {
   CameraConfig camera;
   camera.name = section.text("name");
@@ -77,6 +91,8 @@ CameraConfig readCamera(const ConfigReader& section) {
   camera.width_px = section.integer("width_px", {64, 20000});
   camera.height_px = section.integer("height_px", {64, 20000});
   camera.horizontal_fov_rad = section.number("horizontal_fov_deg", {5.0, 170.0}) * kRadPerDeg;
+  camera.latency_s = section.number("latency_s", {0.0, 2.0}, camera.latency_s);
+  if (const auto infrared = section.optionalSection("infrared")) camera.infrared = readInfrared(*infrared);
   section.finish();
   return camera;
 }
@@ -128,6 +144,17 @@ CellConfig readCell(const std::string& text, const std::string& origin, const st
 }
 
 }  // namespace
+
+CameraModel nominalModel(const CameraConfig& camera, Stream stream) {
+  if (stream == Stream::kColor) {
+    return CameraModel::fromFieldOfView(camera.width_px, camera.height_px, camera.horizontal_fov_rad);
+  }
+  if (!camera.infrared) {
+    throw std::invalid_argument("camera '" + camera.name + "' has no " + toString(stream) + " stream");
+  }
+  const InfraredConfig& infrared = *camera.infrared;
+  return CameraModel::fromFieldOfView(infrared.width_px, infrared.height_px, infrared.horizontal_fov_rad);
+}
 
 CellConfig loadCell(const std::filesystem::path& file) {
   return readCell(readConfigText(file), file.string(), file);

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
+#include "servocal/core/cell_config.h"
 #include "servocal/core/observation.h"
 #include "servocal/core/result.h"
 
@@ -9,6 +10,14 @@ const char* toString(Stream stream) {
     case Stream::kColor: return "color";
     case Stream::kInfrared: return "infrared";
     case Stream::kDepth: return "depth";
+  }
+  return "unknown";
+}
+
+const char* toString(DepthSensor sensor) {
+  switch (sensor) {
+    case DepthSensor::kStructuredLight: return "structured_light";
+    case DepthSensor::kTimeOfFlight: return "time_of_flight";
   }
   return "unknown";
 }

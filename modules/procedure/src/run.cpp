@@ -18,10 +18,6 @@ constexpr double kStillRad = 0.001;
 constexpr std::size_t kMinViewsForIntrinsics = 5;
 constexpr double kDriveMarginPx = 8.0;  // between the squares and the image border on the way
 
-CameraModel nominalModel(const CameraConfig& camera) {
-  return CameraModel::fromFieldOfView(camera.width_px, camera.height_px, camera.horizontal_fov_rad);
-}
-
 /// Mean of several detections of the same board, of the corners that most of them hold; the noise of a
 /// corner is only partly independent from frame to frame (the pattern sits on the same pixels), so its
 /// covariance is not divided by the count.
@@ -51,7 +47,7 @@ BoardDetection average(const std::vector<BoardDetection>& detections) {
 
 Run::Run(const CellConfig& cell, const Devices& devices, session::Session& session, const EventSink& on_event)
     : cell_(cell), devices_(devices), session_(session), on_event_(on_event),
-      observer_(cell.board, *devices.cameras.front(), nominalModel(cell.cameras.front())) {
+      observer_(cell.board, *devices.cameras.front(), nominalModel(cell.cameras.front(), Stream::kColor)) {
   observer_.setPrediction([this](Instant stamp) -> std::optional<Pose<Color, Board>> {
     if (!hand_eye_) return std::nullopt;
     return bMc().inverse() * guard().stateAt(stamp).bMe * eMo();
@@ -157,7 +153,7 @@ void Run::report(const std::string& stage, int done, int planned, const std::str
 bool Run::updateBelief() {
   if (observations_.size() >= kMinViewsForIntrinsics) {
     calib::IntrinsicsOptions options;
-    options.prior = calib::nominalPrior(nominalModel(cell_.cameras.front()));
+    options.prior = calib::nominalPrior(nominalModel(cell_.cameras.front(), Stream::kColor));
     const auto intrinsics =
         calib::solveIntrinsics(cell_.board, observations_, camera(), Stream::kColor, options);
     if (intrinsics.result) observer_.setModel(intrinsics.result->camera);

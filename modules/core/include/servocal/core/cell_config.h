@@ -9,6 +9,8 @@
 #include <vector>
 
 #include "servocal/core/board_spec.h"
+#include "servocal/core/camera_model.h"
+#include "servocal/core/observation.h"
 #include "servocal/core/pose.h"
 
 namespace servocal {
@@ -50,15 +52,35 @@ struct ArmConfig {
   double accuracy_rad = 0.0005;     ///< over the volume (not the repeatability).
 };
 
+/// How a camera measures depth; decides the form of its depth correction.
+enum class DepthSensor { kStructuredLight, kTimeOfFlight };
+const char* toString(DepthSensor sensor);  ///< "structured_light", "time_of_flight"
+
+/// The infrared side of an RGB-D camera. Its depth image, if it has one, shares the infrared image's pixels.
+struct InfraredConfig {
+  int width_px = 512;
+  int height_px = 424;
+  double horizontal_fov_rad = 1.22;   ///< Nominal.
+  std::optional<DepthSensor> depth;   ///< Nothing: infrared only.
+  bool excludes_color = false;        ///< Color and infrared cannot run at once (Kinect v1): they take turns
+                                      ///< at every stop, while everything stands still.
+};
+
 /// What is known of a camera before calibration: a data sheet, nothing more.
 struct CameraConfig {
   std::string name;
   CameraBackend backend = CameraBackend::kSim;
   Mount mount = Mount::kFixed;
-  int width_px = 1920;
+  int width_px = 1920;                ///< Of the color image.
   int height_px = 1080;
   double horizontal_fov_rad = 1.466;  ///< Nominal.
+  double latency_s = 0.065;           ///< Nominal, middle of the exposure to arrival; the run checks it.
+  std::optional<InfraredConfig> infrared;
 };
+
+/// A distortion-free camera from the data sheet of one stream; depth is the infrared's.
+/// @throws std::invalid_argument if the camera has no such stream.
+CameraModel nominalModel(const CameraConfig& camera, Stream stream);
 
 /// Goals of the coverage stage.
 struct CoverageConfig {

@@ -37,6 +37,33 @@ struct RobotState {
   Twist<Base> twist;           ///< Measured velocity of the end effector.
 };
 
+/// Depth at a corner as the paper takes it: median over a square of pixels and a few frames. For reports; a
+/// median of quantised values is several times worse than the plane (docs/depth.md).
+struct CornerDepth {
+  int id = 0;            ///< As Corner::id.
+  double depth_m = 0.0;  ///< Raw, along the optical axis.
+  int pixels = 0;        ///< Valid ones that went in.
+};
+
+/// Raw depth averaged over a patch of the board: the mean residual of a robust plane fit there, put back on
+/// the plane at the patch's middle. What the depth correction is solved from.
+struct DepthPatch {
+  Eigen::Vector2d pixel;  ///< Middle of the patch, px of the depth image.
+  double depth_m = 0.0;   ///< Raw, along the optical axis.
+  double sigma_m = 0.0;   ///< Standard deviation of depth_m by the scatter of its pixels.
+  int pixels = 0;         ///< Over all frames.
+};
+
+/// What the depth image said about the board at a settled moment; same pixels as the infrared image.
+struct BoardDepth {
+  std::vector<CornerDepth> corners;  ///< Those with valid depth around, by id.
+  std::vector<DepthPatch> patches;
+  double plane_rms_m = 0.0;   ///< Scatter of single pixels about the plane.
+  double valid_share = 0.0;   ///< Pixels of the board that carried a depth near the plane, of all.
+  int frames = 0;
+  std::string image_file;     ///< First frame, 16-bit PNG; relative to the session folder.
+};
+
 /// What one stream of one camera saw at a settled moment.
 struct StreamObservation {
   std::string camera;          ///< Name in the cell file.
@@ -47,6 +74,7 @@ struct StreamObservation {
   int height_px = 0;
   BoardDetection detection;
   std::string image_file;      ///< Relative to the session folder; empty if no image is kept.
+  std::optional<BoardDepth> depth;  ///< Infrared views of a camera with depth.
 };
 
 /// The unit of everything: one settled moment, arm at rest. Solvers take only observations, so a live

@@ -9,6 +9,7 @@
 
 #include "servocal/core/camera_model.h"
 #include "servocal/core/cell_config.h"
+#include "servocal/core/depth_model.h"
 #include "servocal/core/pose.h"
 
 namespace servocal {
@@ -72,7 +73,29 @@ struct BoardScale {
   double sigma = 0.0;       ///< Standard deviation.
 };
 
+/// Depth correction of one camera and how well it is known.
+struct DepthResult {
+  DepthModel model;
+  double rms_before_m = 0.0;   ///< Patches against the plane that the board's corners give, uncorrected,
+  double rms_after_m = 0.0;    ///< and corrected. Fit, not accuracy.
+  Eigen::VectorXd sigma_m;     ///< Standard deviation of the correction in the middle of the image, m, at
+  Eigen::VectorXd sigma_at_m;  ///< these ranges (m): the ends and the middle of those visited, and 1.5 m.
+  int views = 0;
+  int patches = 0;
+  std::vector<std::string> notes;  ///< What was left out of the model and why, a sentence each.
+};
+
+/// The paper's estimator, as a baseline: an affine map (3 x 4, RANSAC) from board positions measured in the
+/// camera (corner depths) to those the robot says. Not a pose: it is not rigid.
+struct AffineEyeToHand {
+  Eigen::Matrix<double, 3, 4> bAc;  ///< Takes points (m) in c to b.
+  double rms_m = 0.0;               ///< Over the inliers, length of the 3-vector.
+  int inliers = 0;
+  int points = 0;
+};
+
 struct TiltLimit {
+  Stream stream = Stream::kColor;
   std::string direction;      ///< "roll+", "roll-", "pitch+", ...
   double limit_rad = 0.0;     ///< Largest angle at which the board was still detected.
   std::string ended_by;       ///< "detection", "cap", "reach".
@@ -89,6 +112,18 @@ struct CoverageSummary {
   std::vector<std::pair<std::string, int>> tilt_bins;
 };
 
+/// Where one camera stands beside another: a stereo rig, or color and infrared of one RGB-D camera.
+struct CameraPair {
+  std::string first;
+  std::string second;
+  Eigen::Isometry3d first_by_second;  ///< Pose of the second camera in the first: takes points of the second
+                                      ///< to the first, m.
+  Eigen::Matrix<double, 6, 6> covariance;  ///< Of its origin (m), then of a turn about that origin (rad), along
+                                      ///< the axes of the first camera.
+  double rms_px = 0.0;                ///< Of both cameras' residuals together. Fit, not accuracy.
+  std::vector<ViewResidual> views;    ///< Of the observations in which both see the board.
+};
+
 /// Everything about one camera.
 struct CameraResult {
   std::string camera;
@@ -100,18 +135,16 @@ struct CameraResult {
   std::vector<std::string> notes;         ///< What else a person should know, a sentence each.
   std::optional<CoverageSummary> coverage;
   std::vector<TiltLimit> tilt_limits;
-};
 
-/// Where one camera stands beside another: a stereo rig, or color and infrared of one RGB-D camera.
-struct CameraPair {
-  std::string first;
-  std::string second;
-  Eigen::Isometry3d first_by_second;  ///< Pose of the second camera in the first: takes points of the second
-                                      ///< to the first, m.
-  Eigen::Matrix<double, 6, 6> covariance;  ///< Of its origin (m), then of a turn about that origin (rad), along
-                                      ///< the axes of the first camera.
-  double rms_px = 0.0;                ///< Of both cameras' residuals together. Fit, not accuracy.
-  std::vector<ViewResidual> views;    ///< Of the observations in which both see the board.
+  std::optional<IntrinsicsResult> infrared;           ///< This and below: of an RGB-D camera.
+  std::optional<HandEyeSolution> infrared_hand_eye;   ///< The infrared camera by itself, for comparison.
+  std::optional<CameraPair> color_infrared;           ///< cMi: first is the color stream, second the infrared.
+  std::optional<DepthResult> depth;
+  std::optional<CoverageSummary> infrared_coverage;
+  int combined_views = 0;             ///< Observations in which color and infrared both saw the board.
+  std::optional<AffineEyeToHand> affine_baseline;
+  std::optional<double> time_offset_s;  ///< Image stamps minus robot stamps, estimated while the board moved.
+  double time_offset_sigma_s = 0.0;
 };
 
 /// What a run ends with; see docs/result-schema.md.
