@@ -101,10 +101,14 @@ CoverageConfig readCoverage(const ConfigReader& section) {
   CoverageConfig coverage;
   coverage.cells_x = section.integer("cells_x", {1, 64}, coverage.cells_x);
   coverage.cells_y = section.integer("cells_y", {1, 64}, coverage.cells_y);
+  coverage.infrared_cells_x = section.integer("infrared_cells_x", {1, 64}, coverage.infrared_cells_x);
+  coverage.infrared_cells_y = section.integer("infrared_cells_y", {1, 64}, coverage.infrared_cells_y);
   coverage.corners_per_cell = section.integer("corners_per_cell", {1, 1000}, coverage.corners_per_cell);
   coverage.distance_ratio = section.number("distance_ratio", {1.05, 5.0}, coverage.distance_ratio);
   coverage.near_distance_m = section.number("near_distance_m", {0.05, 10.0}, coverage.near_distance_m);
   coverage.max_views = section.integer("max_views", {3, 1000}, coverage.max_views);
+  coverage.revisit_views = section.integer("revisit_views", {0, 1000}, coverage.revisit_views);
+  coverage.check_views = section.integer("check_views", {0, 1000}, coverage.check_views);
   section.finish();
   return coverage;
 }

@@ -88,6 +88,13 @@ bool Coverage::isFar(const Pose<Color, Board>& cMo) const {
   return cMo.translation().z() >= config_.distance_ratio * config_.near_distance_m;
 }
 
+int Coverage::deficit() const {
+  int lacking = std::max(0, goals_.near_views - near_views_) + std::max(0, goals_.far_views - far_views_);
+  for (const int views : tilt_views_) lacking += std::max(0, goals_.views_per_tilt_bin - views);
+  for (const int cell : openCells()) lacking += missingToFill(cell);
+  return lacking;
+}
+
 int Coverage::missingCorners(const std::vector<Eigen::Vector2d>& pixels) const {
   std::vector<int> hits(cells(), 0);
   for (const Eigen::Vector2d& pixel : pixels) {

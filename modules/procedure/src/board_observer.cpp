@@ -12,8 +12,9 @@ constexpr double kClearlyBetter = 0.6;
 
 }  // namespace
 
-BoardObserver::BoardObserver(const BoardSpec& board, sensor::RgbdCamera& camera, const CameraModel& model)
-    : board_(board), camera_(camera), model_(model), detector_(board) {}
+BoardObserver::BoardObserver(const BoardSpec& board, sensor::RgbdCamera& camera, Stream stream,
+                             const CameraModel& model)
+    : board_(board), camera_(camera), stream_(stream), model_(model), detector_(board) {}
 
 servo::Look BoardObserver::look(Instant deadline) {
   servo::Look look;
@@ -42,7 +43,7 @@ servo::Look BoardObserver::look(Instant deadline) {
 }
 
 std::optional<SeenFrame> BoardObserver::see(Instant deadline) {
-  auto frame = camera_.next(Stream::kColor, deadline);
+  auto frame = camera_.next(stream_, deadline);
   if (!frame) return std::nullopt;
   SeenFrame seen;
   seen.detection = detector_.track(frame->image);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Turns a camera's frames into sights of the board, for the servo loop and for observations.
+// Turns the frames of one stream into sights of the board, for the servo loop and for observations.
 #pragma once
 
 #include <functional>
@@ -23,7 +23,7 @@ struct SeenFrame {
 
 class BoardObserver final : public servo::Observer {
  public:
-  BoardObserver(const BoardSpec& board, sensor::RgbdCamera& camera, const CameraModel& model);
+  BoardObserver(const BoardSpec& board, sensor::RgbdCamera& camera, Stream stream, const CameraModel& model);
 
   servo::Look look(Instant deadline) override;
   /// The next frame with its detection; nothing if no frame came until `deadline`.
@@ -46,6 +46,7 @@ class BoardObserver final : public servo::Observer {
  private:
   BoardSpec board_;
   sensor::RgbdCamera& camera_;
+  Stream stream_;
   CameraModel model_;
   board::Detector detector_;
   Prediction predict_;

@@ -35,13 +35,13 @@ double largestMotionPx(const BoardDetection& from, const BoardDetection& to) {
 }
 
 /// The board as it is seen with the arm at rest, within a second.
-std::optional<BoardDetection> seeBoard(Run& run) {
+std::optional<BoardDetection> seeBoard(Run& run, Eye& eye) {
   const Instant rest = run.clock().now();
   const Instant deadline = rest + std::chrono::seconds(1);
   while (run.clock().now() < deadline) {
-    const auto seen = run.observer().see(deadline);
+    const auto seen = eye.observer().see(deadline);
     if (!seen) return std::nullopt;
-    if (seen->frame.stamp > rest && seen->detection && run.observer().isUsable(*seen->detection)) {
+    if (seen->frame.stamp > rest && seen->detection && eye.observer().isUsable(*seen->detection)) {
       return seen->detection;
     }
   }
@@ -50,7 +50,7 @@ std::optional<BoardDetection> seeBoard(Run& run) {
 
 }  // namespace
 
-std::optional<std::string> bootstrap(Run& run) {
+std::optional<std::string> bootstrap(Run& run, Eye& eye) {
   struct Probe {
     Eigen::Vector3d translation_b, rotation_e;
   };
@@ -64,12 +64,12 @@ std::optional<std::string> bootstrap(Run& run) {
   };
   const int planned = 1 + static_cast<int>(probes.size());
 
-  const auto start_seen = seeBoard(run);
-  if (!start_seen || !run.observe("bootstrap")) {
+  const auto start_seen = seeBoard(run, eye);
+  if (!start_seen || !run.observe("bootstrap", eye)) {
     return "The camera does not see the board at the start pose. Put the board into its view (arm: start_q_deg "
            "in the cell file), facing it, and start again.";
   }
-  run.report("bootstrap", 1, planned, "The camera sees the board.");
+  run.report("bootstrap", eye, 1, planned, "The camera sees the board.");
 
   const Pose<Base, EndEffector> bMe_start = run.guard().state().bMe;
   const auto moved = [&](const Probe& probe, double fraction) {
@@ -77,23 +77,27 @@ std::optional<std::string> bootstrap(Run& run) {
     return Pose<Base, EndEffector>(Eigen::Matrix3d((bMe_start * turn).rotation()),
                                    bMe_start.translation() + fraction * probe.translation_b);
   };
-  const double margin_px = marginPx(*start_seen, run.observer().model());
+  const double margin_px = marginPx(*start_seen, eye.model());
   int done = 1;
   for (const Probe& probe : probes) {
     // A first small step shows how the board moves in the image, which nothing else could tell yet.
-    run.moveTo(moved(probe, kFirstFraction));
-    if (const auto seen = seeBoard(run)) {
+    if (auto blocked = run.moveTo(moved(probe, kFirstFraction))) return blocked;
+    if (const auto seen = seeBoard(run, eye)) {
       const double full_motion_px = largestMotionPx(*start_seen, *seen) / kFirstFraction;
       const double fraction = std::min(1.0, (margin_px - kKeepMarginPx) / std::max(full_motion_px, 1.0));
-      if (fraction > kFirstFraction) run.moveTo(moved(probe, fraction));
-      if (run.observe("bootstrap")) ++done;
+      if (fraction > kFirstFraction) {
+        if (auto blocked = run.moveTo(moved(probe, fraction))) return blocked;
+      }
+      if (run.observe("bootstrap", eye)) ++done;
     }
-    run.report("bootstrap", done, planned);
+    run.report("bootstrap", eye, done, planned);
   }
-  run.moveTo(bMe_start);
-  if (run.observe("bootstrap")) ++done;
-  if (!run.updateBelief()) return "The probing motions do not determine where the camera stands: " + run.why();
-  run.report("bootstrap", done, planned, "First eye-to-hand estimate.");
+  if (auto blocked = run.moveTo(bMe_start)) return blocked;
+  if (run.observe("bootstrap", eye)) ++done;
+  if (const auto why = run.updateBelief(eye)) {
+    return "The probing motions do not determine where the camera stands: " + *why;
+  }
+  run.report("bootstrap", eye, done, planned, "First eye-to-hand estimate.");
   return std::nullopt;
 }
 

@@ -1,43 +1,105 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "servocal/procedure/calibrate.h"
 
+#include <algorithm>
+#include <map>
 #include <stdexcept>
 
 #include "run.h"
 #include "servocal/procedure/solve.h"
 
 namespace servocal::procedure {
+namespace {
+
+/// The color eyes in the order of their turns: first one that sees the board where the arm stands now.
+std::vector<Eye*> turns(Run& run) {
+  std::vector<Eye*> order;
+  for (Eye& eye : run.eyes()) {
+    if (eye.stream() == Stream::kColor) order.push_back(&eye);
+  }
+  const auto seesBoard = [&](Eye* eye) {
+    const auto seen = eye->observer().see(run.clock().now() + std::chrono::milliseconds(500));
+    return seen && seen->detection && eye->observer().isUsable(*seen->detection);
+  };
+  std::stable_partition(order.begin(), order.end(), [&, found = false](Eye* eye) mutable {
+    if (found || !seesBoard(eye)) return false;
+    found = true;
+    return true;
+  });
+  return order;
+}
+
+/// One camera's turn; a sentence if it could not begin.
+std::optional<std::string> takeTurn(Run& run, Eye& color, double& tilt_time_s) {
+  if (const auto problem = run.eMo() ? handOver(run, color) : bootstrap(run, color)) return problem;
+  Eye* const infrared = run.find(color.camera(), Stream::kInfrared);
+  if (!run.options().hand_eye_only) {
+    const Instant tilt_begin = run.clock().now();
+    findTiltLimits(run, color);
+    tilt_time_s += toSeconds(run.clock().now() - tilt_begin);
+    int budget = run.cell().coverage.max_views;
+    budget -= cover(run, color, budget);
+    if (infrared) run.updateBelief(*infrared);
+    if (infrared && infrared->bMc()) cover(run, *infrared, budget);
+  }
+  revisit(run, color);
+  takeCheckViews(run, color);
+  return std::nullopt;
+}
+
+void addCoverage(const std::string& camera, Eye& eye, std::optional<CoverageSummary>& summary, bool wanted,
+                 std::vector<std::string>& missing) {
+  summary = eye.coverage.summary();
+  if (!wanted) return;
+  for (const std::string& sentence : eye.coverage.missing()) {
+    missing.push_back(camera + " " + toString(eye.stream()) + ": " + sentence);
+  }
+}
+
+}  // namespace
 
 CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, session::Session& session,
-                            const EventSink& on_event) {
+                            const EventSink& on_event, const CalibrateOptions& options) {
   if (devices.cameras.size() != cell.cameras.size() || cell.cameras.empty()) {
     throw std::invalid_argument("calibrate needs the cell's cameras, in order");
   }
-  Run run(cell, devices, session, on_event);
+  Run run(cell, devices, session, on_event, options);
+  std::vector<std::string> missing;
+  double tilt_time_s = 0.0;
+  const std::vector<Eye*> order = turns(run);
+  std::vector<Eye*> done;
+  for (Eye* eye : order) {
+    if (const auto problem = takeTurn(run, *eye, tilt_time_s)) {
+      missing.push_back(eye->camera() + ": " + *problem);
+      run.report("find", *eye, 0, 0, *problem);
+      if (!run.eMo()) break;  // Nobody knows yet where the board sits; the others cannot do without.
+    } else {
+      done.push_back(eye);
+    }
+  }
+  run.guard().stopAndWait();
+
   CalibrationResult result;
   result.board = cell.board;
-
-  std::vector<TiltLimit> tilt_limits;
-  double tilt_time_s = 0.0;
-  std::optional<CoverResult> covered;
-  if (const auto problem = bootstrap(run)) {
-    result.missing.push_back(*problem);
-  } else {
-    const Instant tilt_begin = run.clock().now();
-    tilt_limits = findTiltLimits(run);
-    tilt_time_s = toSeconds(run.clock().now() - tilt_begin);
-    covered = cover(run, tilt_limits);
-    run.guard().stopAndWait();
+  if (!done.empty()) {
     run.setEta(std::nullopt);
-    run.report("solve", 0, 1, "Solving from " + std::to_string(run.observations().size()) + " observations.");
-    SolveOptions options;
-    options.robot_sigma_m = cell.arm.accuracy_m;
-    options.robot_sigma_rad = cell.arm.accuracy_rad;
-    result = solve(cell.board, run.observations(), options);
-    result.missing.insert(result.missing.end(), covered->missing.begin(), covered->missing.end());
-    if (!result.cameras.empty()) {
-      result.cameras.front().coverage = covered->summary;
-      result.cameras.front().tilt_limits = tilt_limits;
+    run.report("solve", *done.front(), 0, 1, "Solving from " + std::to_string(run.observations().size()) + " observations.");
+    SolveOptions solve_options;
+    solve_options.robot_sigma_m = cell.arm.accuracy_m;
+    solve_options.robot_sigma_rad = cell.arm.accuracy_rad;
+    solve_options.given_intrinsics = options.given_intrinsics;
+    solve_options.depth_sensors = depthSensors(cell);
+    result = solve(cell.board, run.observations(), solve_options);
+  }
+  result.missing.insert(result.missing.begin(), missing.begin(), missing.end());
+  for (CameraResult& camera : result.cameras) {
+    Eye& color = *run.find(camera.camera, Stream::kColor);
+    const bool had_turn = std::find(done.begin(), done.end(), &color) != done.end() && !options.hand_eye_only;
+    addCoverage(camera.camera, color, camera.coverage, had_turn, result.missing);
+    camera.tilt_limits = color.tilt_limits;
+    if (Eye* infrared = run.find(camera.camera, Stream::kInfrared)) {
+      addCoverage(camera.camera, *infrared, camera.infrared_coverage, had_turn, result.missing);
+      camera.tilt_limits.insert(camera.tilt_limits.end(), infrared->tilt_limits.begin(), infrared->tilt_limits.end());
     }
   }
   result.goal_met = result.missing.empty();

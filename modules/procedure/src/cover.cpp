@@ -13,6 +13,7 @@ namespace {
 
 constexpr double kDegree = M_PI / 180.0;
 constexpr int kTriesPerCell = 3;
+constexpr double kPlanMarginOfHeight = 0.022;  // 24 px of 1080
 
 /// The largest angle at which the board is sure to be detected, by the tilt search.
 double detectableTilt(const std::vector<TiltLimit>& limits) {
@@ -25,58 +26,96 @@ double detectableTilt(const std::vector<TiltLimit>& limits) {
   return std::max(tilt, 15 * kDegree);
 }
 
-}  // namespace
+plan::PlanOptions planOptions(const CoverageConfig& config, const Eye& eye) {
+  plan::PlanOptions options;
+  options.max_obliquity_rad = detectableTilt(eye.tilt_limits);
+  options.tilt_rad = std::min(40 * kDegree, options.max_obliquity_rad);  // More adds little.
+  options.image_margin_px = kPlanMarginOfHeight * eye.model().height_px;
+  options.distances_m = {config.near_distance_m, 1.08 * config.distance_ratio * config.near_distance_m,
+                         1.3 * config.distance_ratio * config.near_distance_m};
+  return options;
+}
 
-CoverResult cover(Run& run, const std::vector<TiltLimit>& tilt_limits) {
-  const CoverageConfig& config = run.cell().coverage;
-  const CameraConfig& camera = run.cell().cameras.front();
-  coverage::Coverage coverage(config, camera.width_px, camera.height_px);
-  plan::PlanOptions plan_options;
-  plan_options.max_obliquity_rad = detectableTilt(tilt_limits);
-  plan_options.tilt_rad = std::min(40 * kDegree, plan_options.max_obliquity_rad);  // More adds little.
-  plan_options.distances_m = {config.near_distance_m, 1.08 * config.distance_ratio * config.near_distance_m,
-                              1.3 * config.distance_ratio * config.near_distance_m};
-
+/// Drives the board to what `coverage` lacks, at most `max_views` times. A coverage of its own, not the eye's,
+/// is counted here. Returns the views taken.
+int fill(Run& run, Eye& eye, coverage::Coverage& coverage, const plan::PlanOptions& plan_options,
+         const std::string& stage, int max_views) {
   const Eigen::VectorXd start_q = run.guard().state().q;
   const Instant begin = run.clock().now();
   std::vector<Pose<Color, Board>> tried;
   std::map<int, int> failures;
-  CoverResult result;
-  run.report("cover", 0, config.max_views);
-  while (result.views < config.max_views && !coverage.complete()) {
-    const plan::Belief belief{run.observer().model(), run.bMc(), run.eMo()};
-    const plan::NextView next = plan::nextView(coverage, belief, run.cell().board, run.guard(),
-                                               run.guard().state().q, start_q, tried, plan_options);
+  int views = 0;
+  run.report(stage, eye, 0, max_views);
+  while (views < max_views && !coverage.complete()) {
+    const plan::Belief belief{eye.model(), *eye.bMc(), run.eMo(eye)};
+    const plan::NextView next = plan::nextView(coverage, belief, run.cell().board, run.guard(), run.guard().state().q,
+                                               start_q, tried, plan_options);
     for (const int cell : next.unreachable) coverage.giveUp(cell);
     if (!next.view) break;
 
-    if (next.view->via_start) run.moveTo(run.guard().kinematics().forward(start_q));
-    const Run::Visit visit = run.visit("cover", next.view->cdMo);
-    bool helped = false;
-    if (visit.observation) {
-      ++result.views;
-      const StreamObservation& seen = visit.observation->views.front();
-      std::vector<Eigen::Vector2d> pixels;
-      for (const Corner& corner : seen.detection.corners) pixels.push_back(corner.pixel);
-      if (const auto cMo = run.observer().poseOf(seen.detection, seen.stamp)) {
-        helped = coverage.missingCorners(pixels) + coverage.missingMarginals(*cMo) > 0;
-        coverage.add(pixels, *cMo);
-      }
-      run.updateBelief();
-    }
     tried.push_back(next.view->cdMo);  // The same view again would add corners, but nothing new.
-    if (!helped && next.view->cell && ++failures[*next.view->cell] >= kTriesPerCell) {
+    if (next.view->via_start && run.moveTo(run.guard().kinematics().forward(start_q))) continue;
+    const int deficit = coverage.deficit();
+    const Run::Visit visit = run.visit(stage, eye, next.view->cdMo);
+    if (visit.observation) {
+      ++views;
+      if (&coverage != &eye.coverage) {
+        const StreamObservation& view = visit.observation->views.front();
+        std::vector<Eigen::Vector2d> pixels;
+        for (const Corner& corner : view.detection.corners) pixels.push_back(corner.pixel);
+        coverage.add(pixels, next.view->cdMo);
+      }
+      run.updateBelief(eye);
+    }
+    if (coverage.deficit() == deficit && next.view->cell && ++failures[*next.view->cell] >= kTriesPerCell) {
       coverage.giveUp(*next.view->cell);
     }
-    const double per_view_s = toSeconds(run.clock().now() - begin) / std::max(1, result.views);
+    const double per_view_s = toSeconds(run.clock().now() - begin) / std::max(1, views);
     const int open = static_cast<int>(coverage.openCells().size());
-    run.setEta(per_view_s * std::min(config.max_views - result.views, std::max(1, (open + 1) / 2)));
-    run.report("cover", result.views, config.max_views,
+    run.setEta(per_view_s * std::min(max_views - views, std::max(1, (open + 1) / 2)));
+    run.report(stage, eye, views, max_views,
                visit.observation ? "" : std::string(toString(visit.drive.status)) + ": " + visit.drive.reason);
   }
-  result.summary = coverage.summary();
-  result.missing = coverage.missing();
-  return result;
+  return views;
+}
+
+/// Coverage goals of a few views of the whole image.
+coverage::Coverage sparse(const Run& run, const Eye& eye, int cells_x, int cells_y, const coverage::ViewGoals& goals) {
+  CoverageConfig config = run.cell().coverage;
+  config.cells_x = cells_x;
+  config.cells_y = cells_y;
+  config.corners_per_cell = 6;
+  return {config, eye.model().width_px, eye.model().height_px, goals};
+}
+
+}  // namespace
+
+int cover(Run& run, Eye& eye, int max_views) {
+  return fill(run, eye, eye.coverage, planOptions(run.cell().coverage, eye), "cover", max_views);
+}
+
+void revisit(Run& run, Eye& eye) {
+  const int views = run.cell().coverage.revisit_views;
+  coverage::ViewGoals goals;
+  goals.near_views = views / 2;
+  goals.far_views = views - views / 2;
+  goals.views_per_tilt_bin = 0;
+  coverage::Coverage places = sparse(run, eye, 3, 2, goals);
+  plan::PlanOptions options = planOptions(run.cell().coverage, eye);
+  options.tilt_rad = options.roll_rad = 0.0;
+  fill(run, eye, places, options, "revisit", views);
+}
+
+void takeCheckViews(Run& run, Eye& eye) {
+  const int views = run.cell().coverage.check_views;
+  coverage::ViewGoals goals;
+  goals.near_views = 0;
+  goals.far_views = views;
+  goals.views_per_tilt_bin = 0;
+  coverage::Coverage places = sparse(run, eye, 2, 2, goals);
+  plan::PlanOptions options = planOptions(run.cell().coverage, eye);
+  options.tilt_rad *= 0.6;
+  fill(run, eye, places, options, kCheckStage, views);
 }
 
 }  // namespace servocal::procedure

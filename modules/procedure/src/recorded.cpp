@@ -134,7 +134,7 @@ CalibrationResult solveImages(const std::vector<session::ImageSet>& cameras, con
   }
   std::vector<Observation> observations = detectImages(images);
   for (const session::ImageSet& camera : cameras) {
-    if (camera.given_intrinsics) options.given_intrinsics.emplace(camera.camera, *camera.given_intrinsics);
+    if (camera.given_intrinsics) options.given_intrinsics.emplace(std::pair(camera.camera, Stream::kColor), *camera.given_intrinsics);
     if (&camera == &images) continue;
     if (camera.lens != images.lens || camera.fixed != images.fixed) {
       throw Error(ErrorKind::kInvalidConfig, "cameras '" + images.camera + "' and '" + camera.camera +
@@ -172,6 +172,7 @@ CalibrationResult solveRecorded(const session::Session& recorded, const SolveOve
   }
   options.robot_sigma_m = cell.arm.accuracy_m;
   options.robot_sigma_rad = cell.arm.accuracy_rad;
+  options.depth_sensors = depthSensors(cell);
   return solve(recorded.board(), observations, options);
 }
 

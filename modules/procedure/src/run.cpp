@@ -1,123 +1,138 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "run.h"
 
+#include <algorithm>
 #include <cmath>
-#include <map>
 
+#include "servocal/calib/board_pose.h"
 #include "servocal/calib/intrinsics.h"
 #include "servocal/core/error.h"
+#include "stop.h"
 
 namespace servocal::procedure {
 namespace {
 
-constexpr int kFramesPerStop = 3;
-constexpr int kMinFramesPerStop = 2;
-constexpr int kFramesTried = 6;
-constexpr double kStillM = 0.0005;      // the arm may drift this much while a stop's frames are taken
+constexpr double kStillM = 0.0005;  // the arm may drift this much while a stop's frames are taken
 constexpr double kStillRad = 0.001;
-constexpr std::size_t kMinViewsForIntrinsics = 5;
-constexpr double kDriveMarginPx = 8.0;  // between the squares and the image border on the way
+constexpr int kMinViewsForIntrinsics = 5;
+constexpr double kDriveMarginOfHeight = 0.0075;  // between the squares and the image border on the way: 8 px of 1080
+constexpr Duration kLookOnPeriod = std::chrono::milliseconds(330);
 
-/// Mean of several detections of the same board, of the corners that most of them hold; the noise of a
-/// corner is only partly independent from frame to frame (the pattern sits on the same pixels), so its
-/// covariance is not divided by the count.
-BoardDetection average(const std::vector<BoardDetection>& detections) {
-  std::map<int, std::vector<const Corner*>> by_id;
-  for (const BoardDetection& detection : detections) {
-    for (const Corner& corner : detection.corners) by_id[corner.id].push_back(&corner);
+/// Lets the eyes that are not asked look too, while the arm moves.
+class LookingOn final : public servo::Observer {
+ public:
+  LookingOn(Run& run, Eye& eye) : run_(run), eye_(eye) {}
+  servo::Look look(Instant deadline) override {
+    servo::Look look = eye_.observer().look(deadline);
+    run_.lookOn();
+    return look;
   }
-  BoardDetection mean;
-  mean.orientation_known = true;
-  for (const auto& [id, seen] : by_id) {
-    if (2 * seen.size() <= detections.size()) continue;
-    Corner corner{id, Eigen::Vector2d::Zero(), Eigen::Matrix2d::Zero()};
-    for (const Corner* one : seen) {
-      corner.pixel += one->pixel;
-      corner.covariance_px2 += one->covariance_px2;
-    }
-    const auto count = static_cast<double>(seen.size());
-    corner.pixel /= count;
-    corner.covariance_px2 /= count * std::sqrt(count);
-    mean.corners.push_back(corner);
-  }
-  return mean;
+
+ private:
+  Run& run_;
+  Eye& eye_;
+};
+
+bool isWanted(const CalibrateOptions& options, const std::string& camera) {
+  return options.cameras.empty() ||
+         std::find(options.cameras.begin(), options.cameras.end(), camera) != options.cameras.end();
 }
 
 }  // namespace
 
-Run::Run(const CellConfig& cell, const Devices& devices, session::Session& session, const EventSink& on_event)
-    : cell_(cell), devices_(devices), session_(session), on_event_(on_event),
-      observer_(cell.board, *devices.cameras.front(), nominalModel(cell.cameras.front(), Stream::kColor)) {
-  observer_.setPrediction([this](Instant stamp) -> std::optional<Pose<Color, Board>> {
-    if (!hand_eye_) return std::nullopt;
-    return bMc().inverse() * guard().stateAt(stamp).bMe * eMo();
-  });
+Run::Run(const CellConfig& cell, const Devices& devices, session::Session& session, const EventSink& on_event,
+         const CalibrateOptions& options)
+    : cell_(cell), devices_(devices), session_(session), on_event_(on_event), options_(options) {
+  for (std::size_t i = 0; i < cell.cameras.size(); ++i) {
+    const CameraConfig& camera = cell.cameras[i];
+    if (!isWanted(options, camera.name)) continue;
+    eyes_.emplace_back(cell, camera, *devices.cameras[i], Stream::kColor);
+    if (camera.infrared) eyes_.emplace_back(cell, camera, *devices.cameras[i], Stream::kInfrared);
+  }
+  for (Eye& eye : eyes_) {
+    if (const auto given = options.given_intrinsics.find({eye.camera(), eye.stream()});
+        given != options.given_intrinsics.end()) {
+      eye.observer().setModel(given->second);
+    }
+    eye.observer().setPrediction(
+        [this, &eye](Instant stamp) { return eye.predict(guard().stateAt(stamp).bMe, eMo_); });
+  }
 }
 
-std::optional<Observation> Run::observe(const std::string& stage) {
+Eye* Run::find(const std::string& camera, Stream stream) {
+  for (Eye& eye : eyes_) {
+    if (eye.camera() == camera && eye.stream() == stream) return &eye;
+  }
+  return nullptr;
+}
+
+std::vector<Eye*> Run::lookersBeside(Eye& wanted, bool excluded_streams) {
+  const auto bMe = guard().state().bMe;
+  std::vector<Eye*> lookers;
+  for (Eye& eye : eyes_) {
+    if (&eye == &wanted || !eye.mightSee(bMe, eMo_)) continue;
+    const bool same_camera = eye.camera() == wanted.camera();
+    // A camera whose streams exclude each other shows its infrared only in its own turn: switching takes time.
+    const bool excluded = eye.excludesOthers() && (same_camera || eye.stream() == Stream::kInfrared);
+    if (excluded ? excluded_streams && same_camera : !excluded_streams) lookers.push_back(&eye);
+  }
+  return lookers;
+}
+
+std::optional<Observation> Run::observe(const std::string& stage, Eye& wanted) {
   throwIfStopped();
   guard().stopAndWait();
-  const double rate_hz = devices_.cameras.front()->info().streams.front().rate_hz;
-  // An exposure lasts a frame period at most, so these frames began after the arm came to rest.
-  const Instant first_stamp = clock().now() + fromSeconds(0.5 / rate_hz);
+  const Instant rest = clock().now();
+  std::vector<Eye*> lookers = lookersBeside(wanted, false);
+  lookers.insert(lookers.begin(), &wanted);
+  std::vector<StopView> stop = gatherStop(clock(), lookers, rest, true);
+  if (stop.empty()) return std::nullopt;
+  for (StopView& view : gatherStop(clock(), lookersBeside(wanted, true), rest, false)) stop.push_back(std::move(view));
 
-  std::vector<BoardDetection> detections;
-  std::optional<sensor::Frame> first_frame;
-  Instant last_stamp{};
-  for (int tried = 0; tried < kFramesTried && detections.size() < kFramesPerStop;) {
-    auto seen = observer_.see(clock().now() + std::chrono::milliseconds(300));
-    if (!seen) break;
-    if (seen->frame.stamp < first_stamp) continue;
-    ++tried;
-    const bool usable = seen->detection && observer_.isUsable(*seen->detection);
-    if (!usable && tried - static_cast<int>(detections.size()) > kFramesTried - kMinFramesPerStop) break;
-    if (!usable) continue;
-    detections.push_back(*seen->detection);
-    last_stamp = seen->frame.stamp;
-    if (!first_frame) first_frame = std::move(seen->frame);
-  }
-  if (static_cast<int>(detections.size()) < kMinFramesPerStop) return std::nullopt;
-
-  const RobotState state = guard().stateAt(first_frame->stamp);
-  const RobotState after = guard().stateAt(last_stamp);
-  if (distanceM(state.bMe, after.bMe) > kStillM || angleRad(state.bMe, after.bMe) > kStillRad) {
-    return std::nullopt;
-  }
+  const RobotState state = guard().stateAt(stop.front().first_frame->stamp);
+  const RobotState after = guard().stateAt(stop.back().last_stamp);
+  if (distanceM(state.bMe, after.bMe) > kStillM || angleRad(state.bMe, after.bMe) > kStillRad) return std::nullopt;
+  if (!isStill(stop.front())) return std::nullopt;
+  stop.erase(std::remove_if(stop.begin() + 1, stop.end(), [](const StopView& view) { return !isStill(view); }),
+             stop.end());
 
   Observation observation;
   observation.stage = stage;
   observation.robot = state;
-  StreamObservation view;
-  view.camera = camera();
-  view.stream = Stream::kColor;
-  view.stamp = first_frame->stamp;
-  view.device_stamp_s = first_frame->device_stamp_s;
-  view.width_px = first_frame->image.cols;
-  view.height_px = first_frame->image.rows;
-  view.detection = average(detections);
-  observation.views.push_back(std::move(view));
-  observation = session_.add(std::move(observation), {first_frame->image});
+  std::vector<session::ViewImages> images;
+  for (const StopView& view : stop) {
+    observation.views.push_back(toObservation(view, cell_.board));
+    images.emplace_back(view.first_frame->image, view.depth.empty() ? cv::Mat() : view.depth.front().image);
+  }
+  observation = session_.add(std::move(observation), images);
   observations_.push_back(observation);
+  for (std::size_t i = 0; i < stop.size(); ++i) {
+    Eye& eye = *stop[i].eye;
+    eye.note(state, observation.views[i].detection);
+    eye.count(observation.views[i]);
+    if (!eye.bMc() && eMo_) believeFromMount(eye);
+  }
   return observation;
 }
 
-Run::Visit Run::visit(const std::string& stage, const Pose<Color, Board>& cdMo, servo::DriveOptions options) {
+Run::Visit Run::visit(const std::string& stage, Eye& eye, const Pose<Color, Board>& cdMo, servo::DriveOptions options) {
   throwIfStopped();
   options.keep_visible_o = cell_.board.patternOutline();
-  options.image_margin_px = kDriveMarginPx;
+  options.image_margin_px = kDriveMarginOfHeight * eye.model().height_px;
   servo::CellEstimate estimate;
-  estimate.camera = observer_.model();
-  estimate.eMo = eMo();
-  estimate.bMc = bMc();
+  estimate.camera = eye.model();
+  estimate.eMo = eMo(eye);
+  estimate.bMc = *eye.bMc();
   Attempt attempt;
   attempt.stage = stage;
-  attempt.camera = camera();
+  attempt.camera = eye.camera();
   attempt.cdMo = cdMo;
   attempt.start = clock().now();
+  LookingOn observer(*this, eye);
   Visit visit;
-  visit.drive = servo::drive(guard(), clock(), observer_, cell_.board.corners(), cdMo, estimate, options);
+  visit.drive = servo::drive(guard(), clock(), observer, cell_.board.corners(), cdMo, estimate, options);
   const bool arrived = visit.drive.status == DriveStatus::kReached || visit.drive.status == DriveStatus::kPlateau;
-  if (arrived) visit.observation = observe(stage);
+  if (arrived) visit.observation = observe(stage, eye);
   attempt.end = clock().now();
   attempt.status = visit.drive.status;
   attempt.reason = visit.drive.reason;
@@ -127,50 +142,99 @@ Run::Visit Run::visit(const std::string& stage, const Pose<Color, Board>& cdMo, 
   return visit;
 }
 
-void Run::moveTo(const Pose<Base, EndEffector>& bMe) {
+std::optional<std::string> Run::moveTo(const Pose<Base, EndEffector>& bMe) {
   throwIfStopped();
   const servo::DriveOutcome outcome = servo::moveTo(guard(), clock(), bMe);
   throwIfStopped();
-  if (outcome.status != DriveStatus::kReached) throw Error(ErrorKind::kSafetyStop, outcome.reason);
+  if (outcome.status != DriveStatus::kReached) return outcome.reason;
+  return std::nullopt;
 }
 
-void Run::report(const std::string& stage, int done, int planned, const std::string& message) {
+void Run::lookOn() {
+  if (clock().now() < last_look_on_ + kLookOnPeriod) return;
+  last_look_on_ = clock().now();
+  for (Eye& eye : eyes_) {
+    // Infrared follows from its camera's color stream.
+    if (eye.bMc() || eye.stream() != Stream::kColor) continue;
+    const auto seen = eye.observer().see(clock().now());
+    if (!seen || !seen->detection || !eye.observer().isUsable(*seen->detection)) continue;
+    eye.note(guard().stateAt(seen->frame.stamp), *seen->detection);
+  }
+}
+
+void Run::report(const std::string& stage, const Eye& eye, int done, int planned, const std::string& message) {
   Event event;
   event.stamp = clock().now();
   event.stage = stage;
+  event.camera = eye.name();
   event.done = done;
   event.planned = planned;
   event.eta_s = eta_s_;
-  if (hand_eye_) {
-    event.rms_px = hand_eye_->rms_px;
-    event.scatter_m = hand_eye_->scatter_m;
+  if (const auto& hand_eye = eye.handEye()) {
+    event.rms_px = hand_eye->rms_px;
+    event.scatter_m = hand_eye->scatter_m;
   }
   event.message = message;
-  if (!message.empty()) session_.event(event.stamp, stage, message);
+  if (!message.empty()) session_.event(event.stamp, stage, eye.name() + ": " + message);
   if (on_event_) on_event_(event);
 }
 
-bool Run::updateBelief() {
-  if (observations_.size() >= kMinViewsForIntrinsics) {
+Pose<EndEffector, Board> Run::eMo(const Eye& eye) const {
+  if (eye.handEye()) return Pose<EndEffector, Board>(eye.handEye()->board_pose);
+  return *eMo_;
+}
+
+std::optional<std::string> Run::updateBelief(Eye& eye) {
+  const bool given = options_.given_intrinsics.count({eye.camera(), eye.stream()}) > 0;
+  if (!given && eye.views >= kMinViewsForIntrinsics) {
     calib::IntrinsicsOptions options;
-    options.prior = calib::nominalPrior(nominalModel(cell_.cameras.front(), Stream::kColor));
-    const auto intrinsics =
-        calib::solveIntrinsics(cell_.board, observations_, camera(), Stream::kColor, options);
-    if (intrinsics.result) observer_.setModel(intrinsics.result->camera);
+    options.prior = calib::nominalPrior(eye.nominal());
+    const auto intrinsics = calib::solveIntrinsics(cell_.board, observations_, eye.camera(), eye.stream(), options);
+    if (intrinsics.result) eye.observer().setModel(intrinsics.result->camera);
   }
   calib::ReprojectionOptions options;
   options.robot_sigma_m = cell_.arm.accuracy_m;
   options.robot_sigma_rad = cell_.arm.accuracy_rad;
-  options.start = hand_eye_;
-  auto outcome = calib::solveHandEyeReprojection(cell_.board, observer_.model(), observations_, camera(),
-                                                 Stream::kColor, options);
+  options.start = eye.handEye();
+  auto outcome = calib::solveHandEyeReprojection(cell_.board, eye.model(), observations_, eye.camera(), eye.stream(),
+                                                 options);
   if (!outcome.solution) {
-    why_ = calib::toString(outcome.status);
-    return false;
+    if (!eMo_) return std::string(calib::toString(outcome.status));
+    believeFromMount(eye);
+    if (!eye.bMc()) return std::string(calib::toString(outcome.status));
+    return std::nullopt;
   }
-  hand_eye_ = std::move(outcome.solution);
-  guard().setBoard(eMo());
-  return true;
+  const double sigma_m = outcome.solution->board_sigma.head<3>().norm();
+  if (!eMo_ || sigma_m < eMo_sigma_m_) {
+    eMo_ = Pose<EndEffector, Board>(outcome.solution->board_pose);
+    eMo_sigma_m_ = sigma_m;
+  }
+  eye.believe(*std::move(outcome.solution));
+  guard().setBoard(eMo_);
+  return std::nullopt;
+}
+
+void Run::believeFromMount(Eye& eye) {
+  // The last view decides: nearer to the present intrinsics than a mean over all.
+  for (auto observation = observations_.rbegin(); observation != observations_.rend(); ++observation) {
+    for (const StreamObservation& view : observation->views) {
+      if (view.camera != eye.camera() || view.stream != eye.stream()) continue;
+      const auto poses = calib::boardPoses(cell_.board, eye.model(), view.detection);
+      if (poses.empty()) continue;
+      const auto bMcBy = [&](const calib::BoardPose& pose) {
+        return observation->robot->bMe * *eMo_ * pose.cMo.inverse();
+      };
+      Pose<Base, Color> bMc = bMcBy(poses.front());
+      // Of the two poses that a plane has, the one that turns the camera's streams least against each other.
+      const Eye* color = find(eye.camera(), Stream::kColor);
+      if (poses.size() > 1 && color != &eye && color->bMc()) {
+        const Pose<Base, Color> other = bMcBy(poses[1]);
+        if (angleRad(other, *color->bMc()) < angleRad(bMc, *color->bMc())) bMc = other;
+      }
+      eye.believe(bMc);
+      return;
+    }
+  }
 }
 
 void Run::throwIfStopped() const {

@@ -2,11 +2,12 @@
 // What the stages of a run share: the devices, what was observed, and what is believed so far.
 #pragma once
 
+#include <deque>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "board_observer.h"
+#include "eye.h"
 #include "servocal/calib/reprojection.h"
 #include "servocal/procedure/calibrate.h"
 #include "servocal/servo/drive.h"
@@ -15,79 +16,95 @@ namespace servocal::procedure {
 
 class Run {
  public:
-  Run(const CellConfig& cell, const Devices& devices, session::Session& session, const EventSink& on_event);
+  Run(const CellConfig& cell, const Devices& devices, session::Session& session, const EventSink& on_event,
+      const CalibrateOptions& options);
 
-  Run(const Run&) = delete;  // The observer asks this very object where the board is.
+  Run(const Run&) = delete;  // The eyes ask this very object where the board is.
   Run& operator=(const Run&) = delete;
 
-  /// Takes an observation: waits until the arm stands still, averages a few frames taken since, stores it
-  /// and updates the belief. Nothing if the board is not seen in most of them.
-  std::optional<Observation> observe(const std::string& stage);
+  /// Takes an observation for every eye that sees the board: waits until the arm stands still, averages a few
+  /// frames taken since, stores it and counts its views. Nothing if `wanted` does not see the board in most of
+  /// them, or if anything still moves.
+  std::optional<Observation> observe(const std::string& stage, Eye& wanted);
 
   /// A drive, and what was observed where it ended.
   struct Visit {
     servo::DriveOutcome drive;
     std::optional<Observation> observation;
   };
-  /// Drives the board to a view, observes there if it arrived, and stores the attempt.
-  Visit visit(const std::string& stage, const Pose<Color, Board>& cdMo, servo::DriveOptions options = {});
-  /// Moves the flange straight to a pose, on robot states alone.
-  /// @throws Error (kSafetyStop) if a limit is in the way.
-  void moveTo(const Pose<Base, EndEffector>& bMe);
+  /// Drives the board to a view of an eye that knows where it stands, observes there if it arrived, and stores
+  /// the attempt. Eyes that have not seen the board yet look on.
+  Visit visit(const std::string& stage, Eye& eye, const Pose<Color, Board>& cdMo, servo::DriveOptions options = {});
+  /// Moves the flange straight to a pose, on robot states alone; a sentence if it did not get there.
+  std::optional<std::string> moveTo(const Pose<Base, EndEffector>& bMe);
+  /// Lets the eyes that do not know where they stand look, at most three times a second, and note where they
+  /// saw the board.
+  void lookOn();
 
   /// Reports progress.
-  void report(const std::string& stage, int done, int planned, const std::string& message = {});
+  void report(const std::string& stage, const Eye& eye, int done, int planned, const std::string& message = {});
   void setEta(std::optional<double> eta_s) { eta_s_ = eta_s; }
 
   const CellConfig& cell() const { return cell_; }
-  const Devices& devices() const { return devices_; }
+  const CalibrateOptions& options() const { return options_; }
   robot::Guard& guard() { return devices_.guard; }
   Clock& clock() { return devices_.clock; }
-  BoardObserver& observer() { return observer_; }
   const std::vector<Observation>& observations() const { return observations_; }
-  const std::string& camera() const { return cell_.cameras.front().name; }
 
-  /// The accumulated eye-to-hand estimate; nothing before the bootstrap.
-  const std::optional<HandEyeSolution>& handEye() const { return hand_eye_; }
-  Pose<Base, Color> bMc() const { return Pose<Base, Color>(hand_eye_->camera_pose); }
-  Pose<EndEffector, Board> eMo() const { return Pose<EndEffector, Board>(hand_eye_->board_pose); }
+  std::deque<Eye>& eyes() { return eyes_; }
+  /// Nothing if the camera has no such stream.
+  Eye* find(const std::string& camera, Stream stream);
+
+  /// Where the board sits on the flange, by the eye that knows best; nothing before the bootstrap.
+  const std::optional<Pose<EndEffector, Board>>& eMo() const { return eMo_; }
+  /// The same as this eye sees it: its errors go with those of its bMc.
+  Pose<EndEffector, Board> eMo(const Eye& eye) const;
   /// Where the flange must be for the board to be seen like this.
-  Pose<Base, EndEffector> flangeFor(const Pose<Color, Board>& cMo) const {
-    return bMc() * cMo * eMo().inverse();
+  Pose<Base, EndEffector> flangeFor(const Eye& eye, const Pose<Color, Board>& cMo) const {
+    return *eye.bMc() * cMo * eMo(eye).inverse();
   }
 
-  /// Re-estimates the intrinsics (with the data sheet as a prior) and the hand-eye from everything seen.
-  /// False if the views do not determine the hand-eye yet; then why() says what is missing.
-  bool updateBelief();
-  const std::string& why() const { return why_; }
+  /// Re-estimates an eye's intrinsics (with the data sheet as a prior) and where it stands from everything
+  /// seen; where the views do not determine that yet, from the mount that other eyes found. A sentence if
+  /// neither is possible.
+  std::optional<std::string> updateBelief(Eye& eye);
 
  private:
   void throwIfStopped() const;
+  std::vector<Eye*> lookersBeside(Eye& wanted, bool excluded_streams);
+  void believeFromMount(Eye& eye);
 
   const CellConfig& cell_;
   Devices devices_;
   session::Session& session_;
   const EventSink& on_event_;
-  BoardObserver observer_;
+  const CalibrateOptions& options_;
+  std::deque<Eye> eyes_;
   std::vector<Observation> observations_;
-  std::optional<HandEyeSolution> hand_eye_;
-  std::string why_;
+  std::optional<Pose<EndEffector, Board>> eMo_;
+  double eMo_sigma_m_ = 0.0;
+  Instant last_look_on_{};
   std::optional<double> eta_s_;
 };
 
-/// Probing motions from the start pose until the hand-eye is known; a sentence if it cannot be.
-std::optional<std::string> bootstrap(Run& run);
+/// Probing motions from the present pose until it is known where the eye stands and the board sits; a sentence
+/// if that cannot be.
+std::optional<std::string> bootstrap(Run& run, Eye& eye);
 
-/// The largest roll, pitch and yaw at which the board is still detected, in the middle of the image.
-/// Every successful step is an observation too.
-std::vector<TiltLimit> findTiltLimits(Run& run);
+/// Brings the board before an eye for its turn; a sentence if that cannot be.
+std::optional<std::string> handOver(Run& run, Eye& eye);
 
-struct CoverResult {
-  CoverageSummary summary;
-  std::vector<std::string> missing;  ///< What is not covered, a sentence each.
-  int views = 0;
-};
-/// Drives the board to what the camera has not seen yet.
-CoverResult cover(Run& run, const std::vector<TiltLimit>& tilt_limits);
+/// The largest roll, pitch and yaw at which the board is still detected, in the middle of the image; servos on
+/// `color` and records for both streams of its camera at once. Every successful step is an observation too.
+void findTiltLimits(Run& run, Eye& color);
+
+/// Drives the board to what the eye has not seen yet; counts against the camera's budget of views.
+/// Returns the views taken.
+int cover(Run& run, Eye& eye, int max_views);
+
+/// Views facing the camera at two distances, without tilt, for the eye-to-hand estimate.
+void revisit(Run& run, Eye& eye);
+/// A few views for the held-out error.
+void takeCheckViews(Run& run, Eye& eye);
 
 }  // namespace servocal::procedure

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // How far the board can be tilted before the detector loses it (the paper's stage of the same name).
+#include <algorithm>
 #include <cmath>
 
 #include "run.h"
@@ -8,23 +9,45 @@ namespace servocal::procedure {
 namespace {
 
 constexpr double kDegree = M_PI / 180.0;
-constexpr double kStepRad = 5.0 * kDegree;
+constexpr int kStepDeg = 5;    // resolution of a limit
+constexpr int kStrideDeg = 15; // first strides; a board is lost once per direction either way
 
 struct Direction {
   const char* name;
   Eigen::Vector3d axis;  // in o: turns the board about its own centre
-  double cap_rad;
+  int cap_deg;
 };
+
+/// What one direction's search has found out about one stream.
+struct Limit {
+  int seen_deg = 0;
+  std::optional<int> lost_deg;  // Smallest angle at which it did not see the board.
+
+  void note(int angle_deg, bool seen) {
+    if (seen) {
+      if (!lost_deg || angle_deg < *lost_deg) seen_deg = std::max(seen_deg, angle_deg);
+    } else {
+      lost_deg = lost_deg ? std::min(*lost_deg, angle_deg) : angle_deg;
+      if (seen_deg >= *lost_deg) seen_deg = *lost_deg - kStepDeg;
+    }
+  }
+};
+
+bool sees(const Observation& observation, const Eye& eye) {
+  return std::any_of(observation.views.begin(), observation.views.end(), [&](const StreamObservation& view) {
+    return view.camera == eye.camera() && view.stream == eye.stream();
+  });
+}
 
 }  // namespace
 
-std::vector<TiltLimit> findTiltLimits(Run& run) {
+void findTiltLimits(Run& run, Eye& color) {
   using Eigen::Vector3d;
-  const std::vector<Direction> directions = {
-      {"roll+", Vector3d::UnitZ(), 45 * kDegree},   {"roll-", -Vector3d::UnitZ(), 45 * kDegree},
-      {"pitch+", Vector3d::UnitX(), 85 * kDegree},  {"pitch-", -Vector3d::UnitX(), 85 * kDegree},
-      {"yaw+", Vector3d::UnitY(), 85 * kDegree},    {"yaw-", -Vector3d::UnitY(), 85 * kDegree}};
+  const std::vector<Direction> directions = {{"roll+", Vector3d::UnitZ(), 45},  {"roll-", -Vector3d::UnitZ(), 45},
+                                             {"pitch+", Vector3d::UnitX(), 85}, {"pitch-", -Vector3d::UnitX(), 85},
+                                             {"yaw+", Vector3d::UnitY(), 85},   {"yaw-", -Vector3d::UnitY(), 85}};
   const int planned = static_cast<int>(directions.size());
+  Eye* const infrared = run.find(color.camera(), Stream::kInfrared);
 
   servo::DriveOptions step_options;
   step_options.lost_tries = 1;  // losing the board is what the search is for
@@ -32,40 +55,45 @@ std::vector<TiltLimit> findTiltLimits(Run& run) {
 
   const Pose<Color, Board> cMo_facing(Eigen::Matrix3d::Identity(),
                                       {0, 0, 1.1 * run.cell().coverage.near_distance_m});
-  run.report("tilt", 0, planned);
-  run.visit("tilt", cMo_facing);
-  run.updateBelief();
-  const Eigen::VectorXd q_facing = run.guard().state().q;
+  run.report("tilt", color, 0, planned);
+  run.visit("tilt", color, cMo_facing);
+  run.updateBelief(color);
+  const Pose<Base, EndEffector> bMe_facing = run.guard().state().bMe;
 
-  std::vector<TiltLimit> limits;
   for (const Direction& direction : directions) {
-    TiltLimit limit{direction.name, 0.0, "cap"};
-    for (double angle = kStepRad; angle <= direction.cap_rad + 1e-9; angle += kStepRad) {
-      const auto turn = Pose<Board, Board>::fromRotationVector(angle * direction.axis, Vector3d::Zero());
+    Limit color_limit, infrared_limit;
+    std::string ended_by = "cap";
+    // Strides until the board is lost, then single steps from the last place where it was seen.
+    for (int stride_deg = kStrideDeg, angle_deg = stride_deg; angle_deg <= direction.cap_deg; angle_deg += stride_deg) {
+      const auto turn =
+          Pose<Board, Board>::fromRotationVector(angle_deg * kDegree * direction.axis, Vector3d::Zero());
       const Pose<Color, Board> cdMo = cMo_facing * turn;
-      const auto q = run.guard().kinematics().inverse(run.flangeFor(cdMo), run.guard().state().q,
+      const auto q = run.guard().kinematics().inverse(run.flangeFor(color, cdMo), run.guard().state().q,
                                                       run.guard().limits().joint_margin_rad);
-      if (!q || !run.guard().allows(*q)) {
-        limit.ended_by = "reach";
-        break;
+      std::optional<Run::Visit> visit;
+      if (q && run.guard().allows(*q)) visit = run.visit("tilt", color, cdMo, step_options);
+      if (visit && visit->observation) {
+        color_limit.note(angle_deg, true);
+        if (infrared) infrared_limit.note(angle_deg, sees(*visit->observation, *infrared));
+        continue;
       }
-      const Run::Visit visit = run.visit("tilt", cdMo, step_options);
-      if (!visit.observation) {
-        const DriveStatus status = visit.drive.status;
-        const bool out_of_reach = status == DriveStatus::kLimit || status == DriveStatus::kUnreachable;
-        limit.ended_by = out_of_reach ? "reach" : "detection";
-        break;
-      }
-      limit.limit_rad = angle;
+      const bool out_of_reach = !visit || visit->drive.status == DriveStatus::kLimit ||
+                                visit->drive.status == DriveStatus::kUnreachable;
+      ended_by = out_of_reach ? "reach" : "detection";
+      if (stride_deg == kStepDeg) break;
+      stride_deg = kStepDeg;
+      angle_deg = color_limit.seen_deg;
     }
-    limits.push_back(limit);
-    run.updateBelief();
-    run.report("tilt", static_cast<int>(limits.size()), planned,
-               limit.direction + " " + std::to_string(std::lround(limit.limit_rad / kDegree)) + " deg, ended by " +
-                   limit.ended_by);
-    run.moveTo(run.guard().kinematics().forward(q_facing));
+    color.tilt_limits.push_back({direction.name, color_limit.seen_deg * kDegree, ended_by, Stream::kColor});
+    if (infrared && infrared->bMc()) {
+      infrared->tilt_limits.push_back({direction.name, infrared_limit.seen_deg * kDegree,
+                                       infrared_limit.lost_deg ? "detection" : ended_by, Stream::kInfrared});
+    }
+    run.updateBelief(color);
+    run.report("tilt", color, static_cast<int>(color.tilt_limits.size()), planned,
+               std::string(direction.name) + " " + std::to_string(color_limit.seen_deg) + " deg, ended by " + ended_by);
+    run.moveTo(bMe_facing);
   }
-  return limits;
 }
 
 }  // namespace servocal::procedure

@@ -127,6 +127,12 @@ void Database::execute(const char* sql) const {
   if (code != SQLITE_OK) refuse(code);
 }
 
+bool Database::hasTable(const char* name) const {
+  Statement query(*this, "SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = ?");
+  query.bind(std::string(name));
+  return query.step();
+}
+
 void Database::refuse(int code) const {
   std::string message = "'" + file_.string() + "': " + sqlite3_errmsg(handle_);
   if ((code & 0xff) == SQLITE_FULL) {

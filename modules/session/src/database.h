@@ -56,6 +56,7 @@ class Database {
   Database& operator=(const Database&) = delete;
 
   void execute(const char* sql) const;
+  bool hasTable(const char* name) const;
   std::int64_t lastId() const { return sqlite3_last_insert_rowid(handle_); }
   sqlite3* handle() const { return handle_; }
   /// @throws Error (kBadData) with the file's name and SQLite's reason.

@@ -79,6 +79,46 @@ std::vector<Corner> selectCorners(Statement& query, std::int64_t view_id) {
   return corners;
 }
 
+void insertDepth(const Database& database, std::int64_t view_id, const BoardDepth& depth) {
+  Statement insert(database, "INSERT INTO depth VALUES (?, ?, ?, ?, ?)");
+  insert.bind(view_id).bind(depth.plane_rms_m).bind(depth.valid_share).bind(std::int64_t{depth.frames});
+  insert.bind(depth.image_file).run();
+  Statement insert_corner(database, "INSERT INTO corner_depth VALUES (?, ?, ?, ?)");
+  for (const CornerDepth& corner : depth.corners) {
+    insert_corner.bind(view_id).bind(std::int64_t{corner.id}).bind(corner.depth_m).bind(std::int64_t{corner.pixels});
+    insert_corner.run();
+  }
+  Statement insert_patch(database, "INSERT INTO depth_patch VALUES (NULL, ?, ?, ?, ?, ?, ?)");
+  for (const DepthPatch& patch : depth.patches) {
+    insert_patch.bind(view_id).bind(patch.pixel.x()).bind(patch.pixel.y()).bind(patch.depth_m).bind(patch.sigma_m);
+    insert_patch.bind(std::int64_t{patch.pixels}).run();
+  }
+}
+
+/// Depth of all views that have it, by view.
+std::map<std::int64_t, BoardDepth> selectDepths(const Database& database) {
+  std::map<std::int64_t, BoardDepth> depths;
+  Statement rows(database, "SELECT * FROM depth");
+  while (rows.step()) {
+    BoardDepth& depth = depths[rows.integer(0)];
+    depth.plane_rms_m = rows.number(1);
+    depth.valid_share = rows.number(2);
+    depth.frames = static_cast<int>(rows.integer(3));
+    depth.image_file = rows.text(4);
+  }
+  Statement corners(database, "SELECT view_id, id, depth_m, pixels FROM corner_depth ORDER BY view_id, id");
+  while (corners.step()) {
+    depths[corners.integer(0)].corners.push_back(
+        {static_cast<int>(corners.integer(1)), corners.number(2), static_cast<int>(corners.integer(3))});
+  }
+  Statement patches(database, "SELECT view_id, u_px, v_px, depth_m, sigma_m, pixels FROM depth_patch ORDER BY id");
+  while (patches.step()) {
+    depths[patches.integer(0)].patches.push_back({{patches.number(1), patches.number(2)}, patches.number(3),
+                                                  patches.number(4), static_cast<int>(patches.integer(5))});
+  }
+  return depths;
+}
+
 /// Damaged JSON inside a cell is damaged data, not a bug.
 template <class Read>
 auto guarded(const Read& read) {
@@ -120,11 +160,14 @@ void insertObservation(const Database& database, const Observation& observation)
       insert_corner.bind(corner.covariance_px2(0, 0)).bind(corner.covariance_px2(0, 1));
       insert_corner.bind(corner.covariance_px2(1, 1)).run();
     }
+    if (view.depth) insertDepth(database, view_id, *view.depth);
   }
 }
 
 std::vector<Observation> selectObservations(const Database& database) {
   return guarded([&] {
+    const bool has_depth = database.hasTable("depth");
+    const auto depths = has_depth ? selectDepths(database) : std::map<std::int64_t, BoardDepth>();
     std::vector<Observation> observations;
     std::map<std::int64_t, std::size_t> index_of;
     Statement rows(database, "SELECT * FROM observation ORDER BY id");
@@ -151,6 +194,7 @@ std::vector<Observation> selectObservations(const Database& database) {
       view.detection.orientation_known = views.integer(8) != 0;
       view.image_file = views.text(9);
       view.detection.corners = selectCorners(corners, views.integer(0));
+      if (const auto depth = depths.find(views.integer(0)); depth != depths.end()) view.depth = depth->second;
       const auto owner = index_of.find(views.integer(1));
       if (owner == index_of.end())
         throw Error(ErrorKind::kBadData, "the session holds a view of no observation");

@@ -3,7 +3,8 @@
 
 namespace servocal::session {
 
-constexpr int kSchemaVersion = 2;
+constexpr int kSchemaVersion = 3;
+constexpr int kOldestReadable = 2;  // Before 3 there was no depth.
 
 /// docs/session-format.md explains every column.
 constexpr const char* kSchema = R"sql(
@@ -40,6 +41,28 @@ CREATE TABLE corner (
   var_u_px2 REAL, cov_uv_px2 REAL, var_v_px2 REAL,
   PRIMARY KEY (view_id, id)
 ) WITHOUT ROWID;
+CREATE TABLE depth (                  -- what the depth image said about the board; infrared views
+  view_id INTEGER PRIMARY KEY REFERENCES view(id),
+  plane_rms_m REAL,
+  valid_share REAL,
+  frames INTEGER NOT NULL,
+  image_file TEXT NOT NULL            -- 16-bit PNG; empty: none kept
+);
+CREATE TABLE corner_depth (
+  view_id INTEGER NOT NULL REFERENCES view(id),
+  id INTEGER NOT NULL,                -- index of the board's inner corner
+  depth_m REAL,
+  pixels INTEGER NOT NULL,
+  PRIMARY KEY (view_id, id)
+) WITHOUT ROWID;
+CREATE TABLE depth_patch (
+  id INTEGER PRIMARY KEY,
+  view_id INTEGER NOT NULL REFERENCES view(id),
+  u_px REAL, v_px REAL,
+  depth_m REAL, sigma_m REAL,
+  pixels INTEGER NOT NULL
+);
+CREATE INDEX patch_of_view ON depth_patch(view_id);
 CREATE TABLE attempt (
   id INTEGER PRIMARY KEY,
   stage TEXT NOT NULL,

@@ -18,25 +18,20 @@ namespace fs = std::filesystem;
 
 fs::path databaseFile(const fs::path& folder) { return folder / "session.sqlite"; }
 
-bool hasTables(const Database& database) {
-  Statement query(database, "SELECT 1 FROM sqlite_master WHERE name = 'meta'");
-  return query.step();
-}
-
 template <class Value>
 void putMeta(const Database& database, const char* key, const Value& value) {
   Statement(database, "INSERT INTO meta VALUES (?, ?)").bind(std::string(key)).bind(value).run();
 }
 
 /// "images/000012_cam1_color.png"; characters that file systems dislike become '-'.
-std::string imageName(std::int64_t id, const StreamObservation& view) {
+std::string imageName(std::int64_t id, const StreamObservation& view, Stream stream) {
   std::string number = std::to_string(id);
   number.insert(0, 6 - std::min<std::size_t>(6, number.size()), '0');
   std::string camera = view.camera;
   for (char& c : camera) {
     if (std::isalnum(static_cast<unsigned char>(c)) == 0 && c != '_' && c != '.') c = '-';
   }
-  return "images/" + number + "_" + camera + "_" + toString(view.stream) + ".png";
+  return "images/" + number + "_" + camera + "_" + toString(stream) + ".png";
 }
 
 void checkFinite(const Observation& observation) {
@@ -99,7 +94,7 @@ Session Session::create(const fs::path& folder, const std::string& cell_text, co
   impl->database = std::make_unique<Database>(databaseFile(folder), Database::Access::kCreate);
   const Database& database = *impl->database;
   // A file without tables is left over from a program that died while making it; it holds nothing.
-  if (hasTables(database)) {
+  if (database.hasTable("meta")) {
     throw Error(ErrorKind::kBadData,
                 "folder '" + folder.string() + "' already holds a session; choose another one");
   }
@@ -124,20 +119,20 @@ Session Session::open(const fs::path& folder) {
   auto impl = std::make_unique<Impl>();
   impl->folder = folder;
   impl->database = std::make_unique<Database>(databaseFile(folder), Database::Access::kRead);
-  if (!hasTables(*impl->database)) {
+  if (!impl->database->hasTable("meta")) {
     throw Error(ErrorKind::kBadData, "session '" + folder.string() +
                                          "' is empty: its program ended before it could store anything");
   }
   const double version = impl->number("schema_version");
-  if (version != kSchemaVersion) {
+  if (!(version >= kOldestReadable && version <= kSchemaVersion)) {
     throw Error(ErrorKind::kBadData, "session '" + folder.string() + "' has schema version " +
                                          std::to_string(static_cast<int>(version)) + ", this program reads " +
-                                         std::to_string(kSchemaVersion));
+                                         std::to_string(kOldestReadable) + " to " + std::to_string(kSchemaVersion));
   }
   return Session(std::move(impl));
 }
 
-Observation Session::add(Observation observation, const std::vector<cv::Mat>& images) {
+Observation Session::add(Observation observation, const std::vector<ViewImages>& images) {
   impl_->demandWriter();
   if (!images.empty() && images.size() != observation.views.size()) {
     throw std::invalid_argument("an observation of " + std::to_string(observation.views.size()) +
@@ -146,17 +141,22 @@ Observation Session::add(Observation observation, const std::vector<cv::Mat>& im
   checkFinite(observation);
   observation.id = impl_->next_id;
   bool wrote_images = false;
-  for (std::size_t i = 0; i < images.size(); ++i) {
-    if (images[i].empty()) continue;
-    StreamObservation& view = observation.views[i];
-    view.image_file = imageName(observation.id, view);
+  const auto write = [&](const StreamObservation& view, Stream stream, const cv::Mat& image) -> std::string {
+    if (image.empty()) return "";
+    const std::string name = imageName(observation.id, view, stream);
     std::vector<unsigned char> png;
     // Level 1: nearly as small as the default for camera images, and several times as fast.
-    if (!cv::imencode(".png", images[i], png, {cv::IMWRITE_PNG_COMPRESSION, 1})) {
+    if (!cv::imencode(".png", image, png, {cv::IMWRITE_PNG_COMPRESSION, 1})) {
       throw std::invalid_argument("the image of camera '" + view.camera + "' cannot be stored as PNG");
     }
-    writeWhole(impl_->folder / view.image_file, png.data(), png.size());
+    writeWhole(impl_->folder / name, png.data(), png.size());
     wrote_images = true;
+    return name;
+  };
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    StreamObservation& view = observation.views[i];
+    view.image_file = write(view, view.stream, images[i].image);
+    if (view.depth) view.depth->image_file = write(view, Stream::kDepth, images[i].depth);
   }
   if (wrote_images) syncFolder(impl_->folder / "images");
   Transaction transaction(*impl_->database);

@@ -46,7 +46,7 @@ class Observing : public ::testing::Test {
   const BoardSpec board{TagGrid{"apriltag_36h11", 4, 3, 0.04, 0.012}, 0.012};
   test::TagPictureOptions options;
   StillCamera camera;
-  BoardObserver observer{board, camera, pinhole()};
+  BoardObserver observer{board, camera, Stream::kColor, pinhole()};
 };
 
 TEST_F(Observing, CornersThatAreHiddenAreWhereThePoseSaysTheyAre) {

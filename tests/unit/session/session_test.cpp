@@ -13,6 +13,7 @@
 #include <random>
 
 #include "errors.h"
+#include "database.h"
 #include "poses.h"
 #include "temporary_folder.h"
 
@@ -67,9 +68,40 @@ Observation randomObservation(std::mt19937_64& random, bool with_robot) {
       corner.covariance_px2(1, 0) = corner.covariance_px2(0, 1);
       view.detection.corners.push_back(corner);
     }
+    if (view.stream == Stream::kInfrared) {
+      BoardDepth depth;
+      for (int id = 0; id < 24; id += 2) depth.corners.push_back({id, 0.7 + normal(random), 100 + id});
+      for (int i = 0; i < 9; ++i) {
+        depth.patches.push_back({{normal(random), normal(random)}, 0.8 + normal(random), 1e-3 / 3.0, 40 + i});
+      }
+      depth.plane_rms_m = 0.0015;
+      depth.valid_share = 0.97;
+      depth.frames = 5;
+      view.depth = depth;
+    }
     observation.views.push_back(view);
   }
   return observation;
+}
+
+void expectSame(const BoardDepth& a, const BoardDepth& b) {
+  EXPECT_EQ(a.plane_rms_m, b.plane_rms_m);
+  EXPECT_EQ(a.valid_share, b.valid_share);
+  EXPECT_EQ(a.frames, b.frames);
+  EXPECT_EQ(a.image_file, b.image_file);
+  ASSERT_EQ(a.corners.size(), b.corners.size());
+  for (std::size_t k = 0; k < a.corners.size(); ++k) {
+    EXPECT_EQ(a.corners[k].id, b.corners[k].id);
+    EXPECT_EQ(a.corners[k].depth_m, b.corners[k].depth_m);
+    EXPECT_EQ(a.corners[k].pixels, b.corners[k].pixels);
+  }
+  ASSERT_EQ(a.patches.size(), b.patches.size());
+  for (std::size_t k = 0; k < a.patches.size(); ++k) {
+    EXPECT_EQ(a.patches[k].pixel, b.patches[k].pixel);
+    EXPECT_EQ(a.patches[k].depth_m, b.patches[k].depth_m);
+    EXPECT_EQ(a.patches[k].sigma_m, b.patches[k].sigma_m);
+    EXPECT_EQ(a.patches[k].pixels, b.patches[k].pixels);
+  }
 }
 
 void expectSame(const Observation& a, const Observation& b) {
@@ -95,6 +127,8 @@ void expectSame(const Observation& a, const Observation& b) {
     EXPECT_EQ(va.height_px, vb.height_px);
     EXPECT_EQ(va.image_file, vb.image_file);
     EXPECT_EQ(va.detection.orientation_known, vb.detection.orientation_known);
+    ASSERT_EQ(va.depth.has_value(), vb.depth.has_value());
+    if (va.depth) expectSame(*va.depth, *vb.depth);
     ASSERT_EQ(va.detection.corners.size(), vb.detection.corners.size());
     for (std::size_t k = 0; k < va.detection.corners.size(); ++k) {
       EXPECT_EQ(va.detection.corners[k].id, vb.detection.corners[k].id);
@@ -346,6 +380,36 @@ TEST(Session, ReadOnlyFolderRefusesWritersAndServesReaders) {
   });
   for (const char* name : {"run", "run/images"}) fs::permissions(folder / name, static_cast<fs::perms>(0755));
   EXPECT_EQ(WEXITSTATUS(status), 7);
+}
+
+TEST(Session, KeepsTheDepthImageBesideTheInfraredOne) {
+  const TemporaryFolder folder;
+  std::mt19937_64 random(8);
+  cv::Mat raw(48, 64, CV_16UC1);
+  cv::randu(raw, 0, 5000);
+  Session session = Session::create(folder / "run", "", BoardSpec{}, 1);
+  const Observation stored = session.add(randomObservation(random, true), {noiseImage(1), {noiseImage(2), raw}});
+  ASSERT_TRUE(stored.views[1].depth);
+  EXPECT_EQ(stored.views[1].depth->image_file, "images/000001_left-odd-name_depth.png");
+  const cv::Mat read = cv::imread((folder / "run" / stored.views[1].depth->image_file).string(), cv::IMREAD_UNCHANGED);
+  ASSERT_EQ(read.type(), CV_16UC1);
+  EXPECT_EQ(cv::norm(read, raw, cv::NORM_INF), 0.0);
+  expectSame(session.observations().at(0), stored);
+}
+
+// Sessions of before there was depth.
+TEST(Session, ReadsTheSchemaBefore) {
+  const TemporaryFolder folder;
+  std::mt19937_64 random(9);
+  Observation old = randomObservation(random, true);
+  for (StreamObservation& view : old.views) view.depth.reset();
+  { old = Session::create(folder / "run", "", BoardSpec{}, 1).add(old, {}); }
+  {
+    const Database database(folder / "run" / "session.sqlite", Database::Access::kCreate);
+    database.execute("DROP TABLE depth_patch; DROP TABLE corner_depth; DROP TABLE depth; "
+                     "UPDATE meta SET value = 2 WHERE key = 'schema_version'");
+  }
+  expectSame(Session::open(folder / "run").observations().at(0), old);
 }
 
 TEST(Session, CallersMistakesAreNamed) {

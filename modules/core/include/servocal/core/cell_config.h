@@ -86,10 +86,14 @@ CameraModel nominalModel(const CameraConfig& camera, Stream stream);
 struct CoverageConfig {
   int cells_x = 8;
   int cells_y = 5;
+  int infrared_cells_x = 6;      ///< Of infrared images.
+  int infrared_cells_y = 5;
   int corners_per_cell = 12;     ///< Corners that fill an image cell.
   double distance_ratio = 1.2;   ///< Far views are at least this many times as far as near ones.
   double near_distance_m = 0.45; ///< Wanted distance of near views along the optical axis.
-  int max_views = 40;
+  int max_views = 40;            ///< Per camera.
+  int revisit_views = 8;         ///< Per camera, facing it, after its coverage.
+  int check_views = 3;           ///< Per camera, kept from the solvers: the held-out error.
 };
 
 /// Geometry of one simulated camera, and how far each seed may move it. Read by `sim` alone.

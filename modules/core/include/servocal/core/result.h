@@ -95,10 +95,10 @@ struct AffineEyeToHand {
 };
 
 struct TiltLimit {
-  Stream stream = Stream::kColor;
   std::string direction;      ///< "roll+", "roll-", "pitch+", ...
   double limit_rad = 0.0;     ///< Largest angle at which the board was still detected.
   std::string ended_by;       ///< "detection", "cap", "reach".
+  Stream stream = Stream::kColor;
 };
 
 struct CoverageSummary {
@@ -124,6 +124,14 @@ struct CameraPair {
   std::vector<ViewResidual> views;    ///< Of the observations in which both see the board.
 };
 
+/// Error in views that no solver saw: where result and robot predict the corners against where they are seen.
+/// The robot's error is in it.
+struct HeldOut {
+  int views = 0;
+  double rms_px = 0.0;
+  double rms_m = 0.0;  ///< Against the corners by the board's pose in the image.
+};
+
 /// Everything about one camera.
 struct CameraResult {
   std::string camera;
@@ -145,6 +153,7 @@ struct CameraResult {
   std::optional<AffineEyeToHand> affine_baseline;
   std::optional<double> time_offset_s;  ///< Image stamps minus robot stamps, estimated while the board moved.
   double time_offset_sigma_s = 0.0;
+  std::optional<HeldOut> held_out;
 };
 
 /// What a run ends with; see docs/result-schema.md.

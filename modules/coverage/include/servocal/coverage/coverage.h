@@ -57,6 +57,8 @@ class Coverage {
 
   /// Corners that the cell still lacks; 0 if filled.
   int missingToFill(int cell) const { return std::max(0, config_.corners_per_cell - corners_[cell]); }
+  /// Corners and views that are missing in all; falls with every view that helped.
+  int deficit() const;
   /// Corners a view would add where they are missing, over all open cells.
   int missingCorners(const std::vector<Eigen::Vector2d>& pixels) const;
   /// Views still missing in the marginals that this pose belongs to: 0, 1 (distance or tilt) or 2.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -9,6 +10,7 @@
 #include "servocal/core/cell_config.h"
 #include "servocal/core/clock.h"
 #include "servocal/core/result.h"
+#include "servocal/procedure/solve.h"
 #include "servocal/robot/guard.h"
 #include "servocal/sensor/rgbd_camera.h"
 #include "servocal/session/session.h"
@@ -25,7 +27,8 @@ struct Devices {
 /// Something the operator may want to see, at most a few per second.
 struct Event {
   Instant stamp{};
-  std::string stage;                ///< "bootstrap", "tilt", "cover", "solve"
+  std::string stage;                ///< "find", "bootstrap", "tilt", "cover", "revisit", "check", "solve"
+  std::string camera;               ///< Whose turn it is, with its stream: "cam1 color".
   int done = 0;                     ///< Views of this stage so far,
   int planned = 0;                  ///< of so many at most.
   std::optional<double> eta_s;      ///< Until the end of the run, simulated or wall time of the run's clock.
@@ -35,9 +38,19 @@ struct Event {
 };
 using EventSink = std::function<void(const Event&)>;
 
-/// Calibrates a camera that stands in the cell while the arm carries the board: bootstrap by probing
-/// motions, tilt limits, coverage by visual servoing, solve. Every observation is in the session before
-/// anything else uses it. Ends with the arm at rest.
+/// What a run may leave out.
+struct CalibrateOptions {
+  std::vector<std::string> cameras;  ///< Only these, by name; all if empty.
+  GivenIntrinsics given_intrinsics;  ///< Believed instead of solved.
+  bool hand_eye_only = false;        ///< No tilt limits and no coverage: only where the cameras stand.
+};
+
+/// Calibrates the cameras that stand in a cell while the arm carries the board. The first one that sees it
+/// gets the bootstrap by probing motions; then each camera in turn: hand over, tilt limits, coverage by visual
+/// servoing (color, then what is left of infrared), revisit without tilting, a few views for the held-out
+/// error; at the end one solve. Every settled stop is an observation for every stream that sees the board, and
+/// is in the session before anything else uses it. A camera that cannot be served is named in
+/// CalibrationResult::missing, and the others go on. Ends with the arm at rest.
 ///
 /// Source: Miseikis, Glette, Elle, Torresen, "Automatic Calibration of a Robot Manipulator and Multi 3D
 /// Camera System", 2016, Algorithm 1.
@@ -45,6 +58,6 @@ using EventSink = std::function<void(const Event&)>;
 /// @throws Error kInterrupted when the operator stopped the run (the session keeps what was seen),
 ///   kSafetyStop and kHardwareAbsent from the devices, kBadData from the disk.
 CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, session::Session& session,
-                            const EventSink& on_event);
+                            const EventSink& on_event, const CalibrateOptions& options = {});
 
 }  // namespace servocal::procedure

@@ -3,6 +3,7 @@
 
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "servocal/calib/diagnose.h"
@@ -15,20 +16,30 @@
 
 namespace servocal::procedure {
 
+/// Intrinsics by camera and stream, believed instead of solved.
+using GivenIntrinsics = std::map<std::pair<std::string, Stream>, CameraModel>;
+
+/// Observations of this stage are kept from the solvers: they give the held-out error.
+inline constexpr const char* kCheckStage = "check";
+
 struct SolveOptions {
   calib::IntrinsicsOptions intrinsics;
   Mount mount = Mount::kFixed;
   double robot_sigma_m = 0.0003;    ///< Declared robot noise per axis and stop.
   double robot_sigma_rad = 0.0005;
-  std::map<std::string, CameraModel> given_intrinsics;  ///< By camera; believed instead of solved.
+  GivenIntrinsics given_intrinsics;
+  std::map<std::string, DepthSensor> depth_sensors;  ///< By camera; depth is solved for these.
   std::string poses_from = "the robot poses";   ///< What robot poses are called in messages.
   std::vector<calib::RobotReading> readings;    ///< Tried to explain a contradiction; see explainContradiction.
   bool refuse_contradictions = false;           ///< Throw where robot and images contradict each other.
 };
 
+/// Of the cameras of a cell that measure depth.
+std::map<std::string, DepthSensor> depthSensors(const CellConfig& cell);
+
 /// Solves a set of observations, live or recorded: for every camera that occurs in them, Zhang's
-/// intrinsics, then, where there are robot poses, the hand-eye; and the poses of the other cameras in the
-/// first. What cannot be determined is missing from the result and named in CalibrationResult::missing;
+/// intrinsics of color and of infrared, then, where there are robot poses, the hand-eye; the pose between
+/// color and infrared and the depth correction; and the poses of the other cameras in the first. What cannot be determined is missing from the result and named in CalibrationResult::missing;
 /// goal_met says whether nothing is. An observation without any view (no board in its image) is listed among
 /// the views that were not used. Where views were left out, the result with them stands beside
 /// (CameraResult::intrinsics_with_outliers).

@@ -12,6 +12,15 @@
 
 namespace servocal::session {
 
+/// The pictures behind one view; an empty one is not kept. A plain image stands for a view without depth.
+struct ViewImages {
+  ViewImages() = default;
+  ViewImages(const cv::Mat& view_image) : image(view_image) {}  // NOLINT: implicit on purpose
+  ViewImages(const cv::Mat& view_image, const cv::Mat& raw_depth) : image(view_image), depth(raw_depth) {}
+  cv::Mat image;
+  cv::Mat depth;  ///< CV_16UC1, raw; kept only with StreamObservation::depth.
+};
+
 /// A run on disk: `session.sqlite` for what was observed and decided, `images/*.png`, the cell file, the
 /// result. Everything is durable before the call that stores it returns, and a stored observation never
 /// points to a missing or partial image. The schema is documented in docs/session-format.md.
@@ -27,13 +36,12 @@ class Session {
   ~Session();
   Session(Session&&) noexcept;
 
-  /// Stores images (one per view, in the order of observation.views; an empty one keeps none) and then
-  /// the observation; fills in its id and the views' image_file, and returns it. No images at all is
-  /// allowed.
+  /// Stores images (one entry per view, in the order of observation.views) and then the observation; fills in
+  /// its id and the image files' names, and returns it. No images at all is allowed.
   /// @throws Error (kBadData) if the disk refuses.
   /// @throws std::invalid_argument if the session was opened for reading, the numbers of views and images
   ///   differ, or a robot pose, joint angle or corner is not finite.
-  Observation add(Observation observation, const std::vector<cv::Mat>& images);
+  Observation add(Observation observation, const std::vector<ViewImages>& images);
   /// Stores an attempt and returns it with its id. A goal pose that is not finite is stored as absent.
   Attempt add(Attempt attempt);
   /// A line in the session's log.
