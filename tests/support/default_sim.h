@@ -33,4 +33,23 @@ inline CellConfig defaultSimCell() {
   return config;
 }
 
+/// The same with a whole Kinect: v2 (time of flight) or v1 (structured light, color or infrared at a time).
+inline CellConfig kinectSimCell(DepthSensor sensor) {
+  CellConfig config = defaultSimCell();
+  CameraConfig& camera = config.cameras[0];
+  camera.infrared = InfraredConfig{};
+  camera.infrared->depth = sensor;
+  if (sensor == DepthSensor::kStructuredLight) {
+    camera.width_px = 640;
+    camera.height_px = 480;
+    camera.horizontal_fov_rad = 1.095;
+    camera.infrared->width_px = 640;
+    camera.infrared->height_px = 480;
+    camera.infrared->horizontal_fov_rad = 1.008;
+    camera.infrared->excludes_color = true;
+    config.simulation->cameras[0].focal_px = 525.0;
+  }
+  return config;
+}
+
 }  // namespace servocal::test

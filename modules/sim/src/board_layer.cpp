@@ -11,12 +11,8 @@
 namespace servocal::sim {
 namespace {
 
-constexpr int kNodeStep = 16;           // Footprint and light are interpolated between nodes.
-constexpr double kNearestM = 0.05;      // A board nearer than this is not drawn.
-constexpr double kWhiteGray = 215.0;
-constexpr double kBlackGray = 26.0;
-constexpr double kBackGray = 40.0;
-constexpr double kDiffuse = 0.3;        // Share of the light that depends on the board's normal.
+constexpr int kNodeStep = 16;       // Footprint and light are interpolated between nodes.
+constexpr double kNearestM = 0.05;  // A board nearer than this is not drawn.
 constexpr double kHighlightExponent = 60.0;
 
 bool seenFromFront(const Eigen::Isometry3d& cMo) {
@@ -45,8 +41,9 @@ void addSegment(const Eigen::Vector2d& p, const Eigen::Vector2d& q, int width, s
 
 }  // namespace
 
-BoardLayer::BoardLayer(const BoardSpec& board, const Lens& lens, const RayTable& rays, const Light& light)
-    : board_(board), unit_m_(board.spacing()), lens_(lens), rays_(rays), light_(light) {
+BoardLayer::BoardLayer(const BoardSpec& board, const Lens& lens, const RayTable& rays, const Light& light,
+                       const Tones& tones)
+    : board_(board), unit_m_(board.spacing()), lens_(lens), rays_(rays), light_(light), tones_(tones) {
   if (board.as<Checkerboard>()) return;
   ink_.emplace(board);
   unit_m_ = ink_->texel_m();
@@ -94,8 +91,7 @@ void BoardLayer::pad(int by) {
     touched = {std::min(touched.begin, row), std::max(touched.end, row + 1)};
   }
   if (!columns.empty()) {
-    box_ = cv::Rect(columns.begin, touched.begin, columns.end - columns.begin,
-                    touched.end - touched.begin);
+    box_ = cv::Rect(columns.begin, touched.begin, columns.end - columns.begin, touched.end - touched.begin);
   }
 }
 
@@ -104,7 +100,7 @@ void BoardLayer::shade(const Eigen::Isometry3d& cMo, const cv::Rect& box) {
       seenFromFront(cMo) ? Eigen::Vector3d(-cMo.linear().col(2)) : Eigen::Vector3d(cMo.linear().col(2));
   const Eigen::Matrix3d rotation_inverse = cMo.linear().transpose();
   const double depth = normal.dot(cMo.translation());
-  const double diffuse = 1.0 - kDiffuse + kDiffuse * std::max(0.0, normal.dot(light_.towards_c));
+  const double diffuse = 1.0 - light_.diffuse + light_.diffuse * std::max(0.0, normal.dot(light_.towards_c));
   const auto onBoard = [&](int u, int v) -> Eigen::Vector2d {
     const Eigen::Vector3d ray(rays_.xRow(v)[u], rays_.yRow(v)[u], 1.0);
     const Eigen::Vector3d point = rotation_inverse * (ray * (depth / normal.dot(ray)) - cMo.translation());
@@ -120,16 +116,20 @@ void BoardLayer::shade(const Eigen::Isometry3d& cMo, const cv::Rect& box) {
       const Eigen::Vector2d along_u = onBoard(u + 1, v) - here, along_v = onBoard(u, v + 1) - here;
       const Eigen::Vector3d towards_eye =
           -Eigen::Vector3d(rays_.xRow(v)[u], rays_.yRow(v)[u], 1.0).normalized();
-      const Eigen::Vector3d half = (towards_eye + light_.towards_c).normalized();
+      const Eigen::Vector3d& towards_light = light_.active ? towards_eye : light_.towards_c;
+      const Eigen::Vector3d half = (towards_eye + towards_light).normalized();
       const double highlight =
           light_.specular * std::pow(std::max(0.0, normal.dot(half)), kHighlightExponent);
+      const double fall =
+          light_.active ? light_.active->at(u, v, depth / normal.dot(-towards_eye), cMo.translation().norm())
+                        : light_.at(u, v);
       const double footprint_u = std::hypot(along_u.x(), along_v.x());
       const double footprint_v = std::hypot(along_u.y(), along_v.y());
       // Beyond the board's horizon a node is never used but must stay a number.
       const auto sane = [](double x) { return std::isfinite(x) ? std::clamp(x, 1e-4, 1e3) : 1e3; };
       nodes_.at<cv::Vec4f>(row, column) = {
           static_cast<float>(sane(footprint_u)), static_cast<float>(sane(footprint_v)),
-          static_cast<float>(diffuse * light_.at(u, v)), static_cast<float>(255.0 * highlight)};
+          static_cast<float>(diffuse * fall), static_cast<float>(255.0 * highlight)};
     }
   }
 }
@@ -145,9 +145,9 @@ BoardPattern BoardLayer::squaresSeen(const Eigen::Isometry3d& cMo) const {
   pattern.margin = static_cast<float>(board_.margin_m / squares.square_size_m);
   pattern.hollow_low = hollow ? static_cast<float>(0.5 - 0.5 * squares.hollow_inner_ratio) : 0.0F;
   pattern.hollow_high = hollow ? static_cast<float>(0.5 + 0.5 * squares.hollow_inner_ratio) : 0.0F;
-  pattern.plate = static_cast<float>(front ? kWhiteGray : kBackGray);
+  pattern.plate = static_cast<float>(front ? tones_.white : tones_.back);
   pattern.white = pattern.plate;
-  pattern.black = static_cast<float>(front ? kBlackGray : kBackGray);
+  pattern.black = static_cast<float>(front ? tones_.black : tones_.back);
   return pattern;
 }
 
@@ -160,12 +160,13 @@ InkPattern BoardLayer::inkSeen(const Eigen::Isometry3d& cMo) const {
   pattern.reach = static_cast<float>(InkMap::kReach);
   pattern.width = ink_->width();
   pattern.height = ink_->height();
-  pattern.white = static_cast<float>(front ? kWhiteGray : kBackGray);
-  pattern.black = static_cast<float>(front ? kBlackGray : kBackGray);
+  pattern.white = static_cast<float>(front ? tones_.white : tones_.back);
+  pattern.black = static_cast<float>(front ? tones_.black : tones_.back);
   return pattern;
 }
 
-void BoardLayer::fromRay(const Eigen::Isometry3d& cMo, const Eigen::Vector3d& origin_o, float (&from_ray)[9]) const {
+void BoardLayer::fromRay(const Eigen::Isometry3d& cMo, const Eigen::Vector3d& origin_o,
+                         float (&from_ray)[9]) const {
   Eigen::Matrix3d plane;
   plane << cMo.linear().col(0) * unit_m_, cMo.linear().col(1) * unit_m_, cMo * origin_o;
   const Eigen::Matrix3d inverse = plane.inverse();
@@ -175,8 +176,10 @@ void BoardLayer::fromRay(const Eigen::Isometry3d& cMo, const Eigen::Vector3d& or
 void BoardLayer::add(const Eigen::Isometry3d& cMo, const std::vector<Span>& spans, float weight) {
   shade(cMo, box_);
   std::variant<BoardPattern, InkPattern> pattern;
-  if (ink_) pattern = inkSeen(cMo);
-  else pattern = squaresSeen(cMo);
+  if (ink_)
+    pattern = inkSeen(cMo);
+  else
+    pattern = squaresSeen(cMo);
 
   std::array<std::vector<float>, 4> ramps;
   for (auto& ramp : ramps) ramp.resize(static_cast<std::size_t>(nodes_.cols) * kNodeStep);
@@ -199,12 +202,13 @@ void BoardLayer::add(const Eigen::Isometry3d& cMo, const std::vector<Span>& span
       }
     }
     const int begin = spans[v].begin, shift = begin - box_.x;
-    const BoardRow row{spans[v].end - begin,      rays_.xRow(v) + begin,   rays_.yRow(v) + begin,
+    const BoardRow row{spans[v].end - begin,    rays_.xRow(v) + begin,   rays_.yRow(v) + begin,
                        ramps[0].data() + shift, ramps[1].data() + shift, ramps[2].data() + shift,
                        ramps[3].data() + shift};
     std::visit(
         [&](const auto& seen) {
-          addBoardRow(seen, row, weight, color_.ptr<float>(offset) + shift, alpha_.ptr<float>(offset) + shift);
+          addBoardRow(seen, row, weight, color_.ptr<float>(offset) + shift,
+                      alpha_.ptr<float>(offset) + shift);
         },
         pattern);
   }

@@ -5,21 +5,15 @@
 #include <stdexcept>
 
 #include "cell_impl.h"
+#include "faults.h"
 
 namespace servocal::sim {
 namespace {
 
-// Somebody screwed the board on by eye.
-Eigen::Isometry3d drawMount(const SimulationConfig& simulation, std::uint64_t seed) {
-  Random random(seed, "mount");
-  const Eigen::Vector3d axis = random.direction();
-  const double angle = random.uniform(0.0, simulation.mount_rotation_spread_rad);
-  const Eigen::Vector3d shift =
-      random.direction() * random.uniform(0.0, simulation.mount_translation_spread_m);
-  Eigen::Isometry3d eMo = simulation.nominal_eMo.isometry();
-  eMo.linear() = Eigen::AngleAxisd(angle, axis) * eMo.linear();
-  eMo.translation() += shift;
-  return eMo;
+bool isSound(const SimulatedSensorConfig& sensor, int width_px, int height_px) {
+  return width_px >= 64 && width_px <= SensorNoise::kMaxWidthPx && height_px >= 64 && sensor.rate_hz > 0.0 &&
+         sensor.exposure_s >= 0.0 && sensor.latency_s >= 0.0 && sensor.focal_px > 0.0 &&
+         sensor.focus_distance_m > 0.0;
 }
 
 const SimulatedCameraConfig& counterpart(const SimulationConfig& simulation, const CameraConfig& camera) {
@@ -29,9 +23,11 @@ const SimulatedCameraConfig& counterpart(const SimulationConfig& simulation, con
   if (found == simulation.cameras.end()) {
     throw std::invalid_argument("sim::Cell: camera '" + camera.name + "' has no entry under simulation");
   }
-  const bool sound = camera.width_px >= 64 && camera.width_px <= SensorNoise::kMaxWidthPx &&
-                     camera.height_px >= 64 && found->rate_hz > 0.0 && found->exposure_s >= 0.0 &&
-                     found->latency_s >= 0.0 && found->focal_px > 0.0 && found->focus_distance_m > 0.0;
+  bool sound = isSound(*found, camera.width_px, camera.height_px);
+  if (camera.infrared) {
+    const auto infrared = found->infrared.value_or(SimulatedInfraredConfig::like(*camera.infrared));
+    sound &= isSound(infrared, camera.infrared->width_px, camera.infrared->height_px);
+  }
   if (!sound) {
     throw std::invalid_argument("sim::Cell: camera '" + camera.name +
                                 "' needs a size of 64 to 4096 px, a rate, a focal length and a focus "
@@ -45,15 +41,12 @@ const SimulatedCameraConfig& counterpart(const SimulationConfig& simulation, con
 Cell::Impl::Impl(const CellConfig& cell_config, std::uint64_t cell_seed)
     : config(cell_config), seed(cell_seed) {
   if (!config.simulation) throw std::invalid_argument("sim::Cell: the cell has no simulation section");
-  eMo = drawMount(*config.simulation, seed);
+  checkFaults(config);
   arm = std::make_unique<SimulatedArm>(clock, config, seed);
+  scene = std::make_unique<Scene>(*arm, config, seed);
   for (const CameraConfig& camera : config.cameras) {
-    if (camera.mount != Mount::kFixed) {
-      throw std::invalid_argument("sim::Cell: camera '" + camera.name + "' is not fixed in the cell");
-    }
-    const SimulatedCameraConfig& simulated = counterpart(*config.simulation, camera);
-    cameras[camera.name] = std::make_unique<SimulatedCamera>(clock, *arm, config.board, eMo, camera,
-                                                             simulated, *config.simulation, seed);
+    cameras[camera.name] = std::make_unique<SimulatedCamera>(clock, *scene, camera,
+                                                             counterpart(*config.simulation, camera), seed);
   }
 }
 

@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "scene.h"
 #include "servocal/sim/cell.h"
 #include "simulated_arm.h"
 #include "simulated_camera.h"
@@ -15,9 +16,9 @@ namespace servocal::sim {
 struct Cell::Impl {
   CellConfig config;
   std::uint64_t seed;
-  Eigen::Isometry3d eMo;
   SimulatedClock clock;
   std::unique_ptr<SimulatedArm> arm;
+  std::unique_ptr<Scene> scene;
   std::map<std::string, std::unique_ptr<SimulatedCamera>> cameras;
 
   Impl(const CellConfig& config, std::uint64_t seed);

@@ -8,15 +8,15 @@
 namespace servocal::sim {
 namespace {
 
-constexpr double kAspectSpread = 0.001;   // fy over fx.
+constexpr double kAspectSpread = 0.001;  // fy over fx.
 constexpr double kSmallestDistortion = 0.04;
 
 }  // namespace
 
-Lens Lens::draw(const SimulatedCameraConfig& config, int width_px, int height_px, Random& random) {
+Lens Lens::draw(const SimulatedSensorConfig& config, int width_px, int height_px, Random& random) {
   if (config.distortion.size() != 5) {
-    throw std::invalid_argument("sim::Cell: simulated camera '" + config.name +
-                                "' needs 5 distortion coefficients (k1 k2 p1 p2 k3)");
+    throw std::invalid_argument(
+        "sim::Cell: a simulated lens needs 5 distortion coefficients (k1 k2 p1 p2 k3)");
   }
   Lens lens;
   lens.width_px = width_px;
@@ -72,11 +72,8 @@ Eigen::Vector2d Lens::unproject(const Eigen::Vector2d& pixel) const {
 }
 
 RayTable::RayTable(const Lens& lens)
-    : width_px(lens.width_px),
-      height_px(lens.height_px),
-      max_radius(0.0),
-      x(static_cast<std::size_t>(width_px) * height_px),
-      y(x.size()) {
+    : width_px(lens.width_px), height_px(lens.height_px), max_radius(0.0),
+      x(static_cast<std::size_t>(width_px) * height_px), y(x.size()) {
   Eigen::Vector2d row_guess = lens.unproject({0.0, 0.0});
   std::size_t index = 0;
   for (int v = 0; v < height_px; ++v) {

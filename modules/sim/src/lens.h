@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "random.h"
-#include "servocal/core/cell_config.h"
+#include "servocal/core/simulation.h"
 
 namespace servocal::sim {
 
@@ -20,7 +20,7 @@ struct Lens {
   double k1 = 0.0, k2 = 0.0, p1 = 0.0, p2 = 0.0, k3 = 0.0;
 
   /// The lens of one seed.
-  static Lens draw(const SimulatedCameraConfig& config, int width_px, int height_px, Random& random);
+  static Lens draw(const SimulatedSensorConfig& config, int width_px, int height_px, Random& random);
 
   /// Distorted normalized coordinates of undistorted ones.
   Eigen::Vector2d distort(const Eigen::Vector2d& ideal) const;

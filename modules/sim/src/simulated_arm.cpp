@@ -13,7 +13,7 @@ namespace servocal::sim {
 namespace {
 
 constexpr Duration kTick = std::chrono::milliseconds(2);
-constexpr int kTicksPerReport = 4;           // 125 Hz, as a CB3 controller.
+constexpr int kTicksPerReport = 4;            // 125 Hz, as a CB3 controller.
 constexpr std::int64_t kHistoryTicks = 1500;  // 3 s; callers may rely on 2 s.
 constexpr double kEncoderNoiseRad = 5e-6;
 // Below this |det J| the inverse is damped (Nakamura & Hanafusa 1986). The default cell's start has 0.04.
@@ -54,10 +54,8 @@ Repeatability drawRepeatability(const SimulationConfig& simulation, std::uint64_
 }  // namespace
 
 SimulatedArm::SimulatedArm(const SimulatedClock& clock, const CellConfig& config, std::uint64_t seed)
-    : clock_(clock),
-      info_{"UR5 (simulated)", "sim-" + std::to_string(seed), 6, 500.0 / kTicksPerReport},
-      real_(realArm(config, seed)),
-      repeatability_(drawRepeatability(*config.simulation, seed)),
+    : clock_(clock), info_{"UR5 (simulated)", "sim-" + std::to_string(seed), 6, 500.0 / kTicksPerReport},
+      real_(realArm(config, seed)), repeatability_(drawRepeatability(*config.simulation, seed)),
       max_speed_radps_(config.simulation->max_joint_speed_radps),
       max_acceleration_radps2_(config.simulation->max_joint_acceleration_radps2),
       noise_seed_(Random(seed, "encoders").bits()) {
@@ -91,8 +89,7 @@ Vector6d SimulatedArm::wantedSpeed(Instant instant) const {
     speed = jacobian.partialPivLu().solve(twist);
   } else {
     const double damping = kDamping * closeness;
-    const Matrix6d squared =
-        jacobian * jacobian.transpose() + damping * damping * Matrix6d::Identity();
+    const Matrix6d squared = jacobian * jacobian.transpose() + damping * damping * Matrix6d::Identity();
     speed = jacobian.transpose() * squared.partialPivLu().solve(twist);
   }
   const double fastest = speed.cwiseAbs().maxCoeff();
@@ -149,6 +146,11 @@ SimulatedArm::Tick SimulatedArm::tickAt(Instant instant) {
 }
 
 Vector6d SimulatedArm::jointsAt(Instant instant) { return tickAt(instant).q; }
+
+std::vector<Eigen::Isometry3d> SimulatedArm::nominalFrames(Instant instant) {
+  const auto frames = nominal_.frames(jointsAt(instant));
+  return {frames.begin(), frames.end()};
+}
 
 Eigen::Isometry3d SimulatedArm::flangeAt(Instant instant) {
   const Tick tick = tickAt(instant);

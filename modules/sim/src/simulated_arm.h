@@ -34,6 +34,8 @@ class SimulatedArm final : public robot::Arm {
   Eigen::Isometry3d flangeAt(Instant instant);
   /// Joint angles at that instant, without encoder noise.
   Vector6d jointsAt(Instant instant);
+  /// Base, the frame after each joint, and the flange at that instant, by nominal kinematics.
+  std::vector<Eigen::Isometry3d> nominalFrames(Instant instant);
 
  private:
   struct Tick {

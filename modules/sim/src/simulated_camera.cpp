@@ -1,148 +1,173 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "simulated_camera.h"
 
-#include <cmath>
+#include <algorithm>
 #include <stdexcept>
+
+#include "background.h"
 
 namespace servocal::sim {
 namespace {
 
-/// A camera at `position` that looks at a point, its x axis horizontal and y down.
-Eigen::Isometry3d lookAt(const Eigen::Vector3d& position, const Eigen::Vector3d& target) {
-  const Eigen::Vector3d z = (target - position).normalized();
-  const Eigen::Vector3d x = z.cross(Eigen::Vector3d::UnitZ()).normalized();
-  if (!z.allFinite() || !x.allFinite()) {
-    throw std::invalid_argument("sim::Cell: a simulated camera must look at another point, not along z");
-  }
-  Eigen::Isometry3d bMc = Eigen::Isometry3d::Identity();
-  bMc.linear() << x, z.cross(x), z;
-  bMc.translation() = position;
-  return bMc;
-}
-
-Light drawLight(const SimulationConfig& simulation, const Lens& lens, const Eigen::Isometry3d& bMc,
-                Random& random) {
-  Light light;
-  light.specular = simulation.specular;
-  // A lamp above and behind the camera, off to a side.
-  const Eigen::Vector3d back = -bMc.linear().col(2), side = bMc.linear().col(0);
-  const Eigen::Vector3d towards =
-      0.7 * back + random.uniform(-0.5, 0.5) * side + random.uniform(0.5, 0.9) * Eigen::Vector3d::UnitZ();
-  light.towards_c = bMc.linear().transpose() * towards.normalized();
-  // The light falls from 1 to 1 - gradient from one end of the image's diagonal circle to the other.
-  const double angle = random.uniform(0.0, 2.0 * M_PI);
-  const Eigen::Vector2d direction(std::cos(angle), std::sin(angle));
-  const Eigen::Vector2d centre(0.5 * lens.width_px, 0.5 * lens.height_px);
-  light.fall_per_px = direction * simulation.light_gradient / (2.0 * centre.norm());
-  light.fall_at_origin = 0.5 * simulation.light_gradient - light.fall_per_px.dot(centre);
-  return light;
-}
+constexpr double kInfraredWhite = 165.0;
+constexpr double kInkjetBlack = 0.96;  // Dye ink lets infrared through to the paper.
 
 }  // namespace
 
-SimulatedCamera::Draw SimulatedCamera::draw(const CameraConfig& camera,
-                                            const SimulatedCameraConfig& simulated,
-                                            const SimulationConfig& simulation, std::uint64_t seed) {
-  Random lens_random(seed, "lens " + camera.name);
-  Random pose_random(seed, "pose " + camera.name);
-  Random light_random(seed, "light " + camera.name);
-  Draw draw;
-  draw.lens = Lens::draw(simulated, camera.width_px, camera.height_px, lens_random);
-  draw.bMc = lookAt(simulated.position_m, simulated.look_at_m);
-  draw.bMc.translation() += pose_random.box(simulated.position_spread_m);
-  const Eigen::Vector3d axis = pose_random.direction();
-  const double angle = pose_random.uniform(0.0, simulated.rotation_spread_rad);
-  draw.bMc.linear() = draw.bMc.linear() * Eigen::AngleAxisd(angle, axis);
-  draw.light = drawLight(simulation, draw.lens, draw.bMc, light_random);
-  return draw;
+SimulatedCamera::Faults SimulatedCamera::faultsOf(const SimulationConfig& simulation,
+                                                  const std::string& camera) {
+  Faults faults;
+  for (const SimulationFault& fault : simulation.faults) {
+    if (fault.kind == FaultKind::kInkjetPrint) faults.inkjet = true;
+    if (fault.camera != camera) continue;
+    if (fault.kind == FaultKind::kClockOffset) faults.clock_offset_s += fault.offset_s;
+    if (fault.kind == FaultKind::kLateDelivery) faults.late_s += fault.offset_s;
+    if (fault.kind == FaultKind::kDepthUnit) faults.depth_unit_m = fault.unit_m;
+  }
+  return faults;
 }
 
-SimulatedCamera::SimulatedCamera(SimulatedClock& clock, SimulatedArm& arm, const BoardSpec& board,
-                                 const Eigen::Isometry3d& eMo, const CameraConfig& camera,
-                                 const SimulatedCameraConfig& simulated,
-                                 const SimulationConfig& simulation, std::uint64_t seed)
-    : clock_(clock),
-      arm_(arm),
-      board_(board),
-      eMo_(eMo),
-      config_(simulated),
-      clutter_(simulation.clutter),
-      seed_(seed),
-      truth_(draw(camera, simulated, simulation, seed)) {
+SimulatedCamera::SimulatedCamera(SimulatedClock& clock, Scene& scene, const CameraConfig& camera,
+                                 const SimulatedCameraConfig& simulated, std::uint64_t seed)
+    : clock_(clock), scene_(scene), camera_(camera), config_(simulated), seed_(seed),
+      truth_(drawCamera(camera, simulated, scene.simulation(), seed)),
+      faults_(faultsOf(scene.simulation(), camera.name)),
+      color_schedule_(simulated, 0.0, faults_.late_s, simulated.delivery_jitter_s,
+                      Random(seed, "color delivery " + camera.name).bits()) {
   info_.name = camera.name;
-  info_.model = "simulated color camera";
+  info_.model = camera.infrared ? "simulated RGB-D camera" : "simulated color camera";
   info_.serial = "sim-" + camera.name + "-" + std::to_string(seed);
   info_.streams = {{Stream::kColor, camera.width_px, camera.height_px, simulated.rate_hz}};
-  device_clock_offset_s_ = Random(seed, "clock " + camera.name).uniform(100.0, 10000.0);
+  if (truth_.infrared) {
+    const SimulatedInfraredConfig& infrared = truth_.infrared->config;
+    infrared_schedule_.emplace(infrared, truth_.infrared->phase_s, faults_.late_s,
+                               simulated.delivery_jitter_s,
+                               Random(seed, "infrared delivery " + camera.name).bits());
+    const auto add = [&](Stream stream) {
+      info_.streams.push_back(
+          {stream, camera.infrared->width_px, camera.infrared->height_px, infrared.rate_hz});
+    };
+    add(Stream::kInfrared);
+    if (truth_.infrared->depth) add(Stream::kDepth);
+  }
+  Random clock_random(seed, "clock " + camera.name);
+  device_clock_offset_s_ = clock_random.uniform(100.0, 10000.0);
+  device_clock_rate_ = 1.0 + 1e-6 * clock_random.uniform(-1.0, 1.0) * simulated.clock_drift_ppm;
 }
 
-Instant SimulatedCamera::exposureBegin(std::int64_t frame) const {
-  return Instant(Duration(std::llround(1e9 * static_cast<double>(frame) / config_.rate_hz)));
+bool SimulatedCamera::has(Stream stream) const {
+  return std::any_of(info_.streams.begin(), info_.streams.end(),
+                     [&](const sensor::StreamMode& mode) { return mode.stream == stream; });
 }
 
-Instant SimulatedCamera::delivery(std::int64_t frame) const {
-  return exposureBegin(frame) + fromSeconds(config_.exposure_s + config_.latency_s);
+const FrameSchedule& SimulatedCamera::schedule(Side side) const {
+  return side == Side::kColor ? color_schedule_ : *infrared_schedule_;
 }
 
-std::int64_t SimulatedCamera::newestDelivered(Instant now) const {
-  const double age_s = toSeconds(now) - config_.exposure_s - config_.latency_s;
-  std::int64_t frame = std::max<std::int64_t>(-1, static_cast<std::int64_t>(age_s * config_.rate_hz) + 1);
-  while (frame >= 0 && delivery(frame) > now) --frame;
-  return frame;
+void SimulatedCamera::activate(Side side) {
+  if (side == running_ || !camera_.infrared || !camera_.infrared->excludes_color) return;
+  running_ = side;
+  running_from_ = clock_.now() + fromSeconds(config_.switch_s);
 }
 
 std::optional<sensor::Frame> SimulatedCamera::next(Stream stream, Instant deadline) {
-  if (stream != Stream::kColor) {
+  if (!has(stream)) {
     throw std::invalid_argument("camera '" + info_.name + "' has no " + toString(stream) + " stream");
   }
-  std::int64_t frame = newestDelivered(clock_.now());
-  if (frame <= last_frame_) {
-    frame = last_frame_ + 1;
-    if (delivery(frame) > deadline) {
+  const Side side = stream == Stream::kColor ? Side::kColor : Side::kInfrared;
+  activate(side);
+  const FrameSchedule& frames = schedule(side);
+  std::int64_t& last = last_frame_[static_cast<std::size_t>(stream)];
+  std::int64_t earliest = last + 1;
+  if (running_from_ > Instant{}) earliest = std::max(earliest, frames.firstExposedFrom(running_from_));
+  std::int64_t frame = frames.newestDelivered(clock_.now());
+  if (frame < earliest) {
+    frame = earliest;
+    if (frames.delivered(frame) > deadline) {
       clock_.sleepUntil(deadline);
       return std::nullopt;
     }
-    clock_.sleepUntil(delivery(frame));
+    clock_.sleepUntil(frames.delivered(frame));
   }
-  last_frame_ = frame;
-  return expose(frame);
+  last = frame;
+  return expose(stream, frame);
 }
 
-std::vector<Capsule> SimulatedCamera::armLinks(Instant instant) const {
-  const Eigen::Isometry3d cMb = truth_.bMc.inverse();
-  const auto frames = Ur5().frames(arm_.jointsAt(instant));
-  // Thickness and gray of the links of a UR5, and of the board's holder.
-  constexpr double kRadiusM[] = {0.075, 0.060, 0.050, 0.040, 0.040, 0.040};
-  constexpr double kGray[] = {60.0, 150.0, 140.0, 60.0, 70.0, 50.0};
-  std::vector<Capsule> links;
-  for (int i = 0; i < 6; ++i) {
-    links.push_back(
-        {cMb * frames[i].translation(), cMb * frames[i + 1].translation(), kRadiusM[i], kGray[i]});
-  }
-  links.push_back({cMb * frames[6].translation(), cMb * (frames[6] * eMo_.translation()), 0.02, 45.0});
-  return links;
-}
-
-sensor::Frame SimulatedCamera::expose(std::int64_t index) {
-  if (!renderer_) {
-    renderer_ = std::make_unique<ColorRenderer>(board_, truth_.lens, truth_.light, config_, clutter_, seed_);
-  }
-  const Instant begin = exposureBegin(index);
-  const Eigen::Isometry3d cMb = truth_.bMc.inverse();
-  const auto cMo = [&](double fraction) -> Eigen::Isometry3d {
-    return cMb * arm_.flangeAt(begin + fromSeconds(fraction * config_.exposure_s)) * eMo_;
-  };
-  // Noise depends on the frame's number, not on which frames were read before.
-  Random noise(seed_ ^ scramble(static_cast<std::uint64_t>(index)), "noise " + info_.name);
+sensor::Frame SimulatedCamera::expose(Stream stream, std::int64_t index) {
+  const FrameSchedule& frames = schedule(stream == Stream::kColor ? Side::kColor : Side::kInfrared);
+  const Instant middle = frames.exposed(index, 0.5);
   sensor::Frame frame;
-  frame.stream = Stream::kColor;
-  frame.image = renderer_->render(cMo, armLinks(begin + fromSeconds(0.5 * config_.exposure_s)), noise);
-  frame.stamp = begin + fromSeconds(0.5 * config_.exposure_s);
-  frame.received = delivery(index);
-  frame.device_stamp_s = toSeconds(frame.stamp) + device_clock_offset_s_;
+  frame.stream = stream;
+  switch (stream) {
+    case Stream::kColor: frame.image = colorImage(index); break;
+    case Stream::kInfrared: frame.image = infraredImage(index); break;
+    case Stream::kDepth: frame.image = depthImage(index); break;
+  }
+  frame.stamp = middle + fromSeconds(faults_.clock_offset_s);
+  frame.received = frames.delivered(index);
+  frame.device_stamp_s = toSeconds(frame.stamp) * device_clock_rate_ + device_clock_offset_s_;
   frame.sequence = static_cast<std::uint64_t>(index);
   ++frames_rendered_;
   return frame;
+}
+
+cv::Mat SimulatedCamera::colorImage(std::int64_t index) {
+  if (!color_renderer_) {
+    Random random(seed_, "background " + info_.name);
+    const cv::Mat background =
+        drawBackground(truth_.lens.width_px, truth_.lens.height_px, scene_.simulation().clutter, random);
+    color_renderer_ = std::make_unique<GrayRenderer>(scene_.config().board, truth_.lens, truth_.light,
+                                                     Tones{}, config_, background);
+  }
+  // Noise depends on the frame's number, not on which frames were read before.
+  Random noise(seed_ ^ scramble(static_cast<std::uint64_t>(index)), "noise " + info_.name);
+  const auto cMo = [&](double fraction) {
+    return scene_.cMo(truth_.pose, color_schedule_.exposed(index, fraction));
+  };
+  return color_renderer_->render(cMo, scene_.armLinks(truth_.pose, color_schedule_.exposed(index, 0.5)),
+                                 noise);
+}
+
+cv::Mat SimulatedCamera::infraredImage(std::int64_t index) {
+  const InfraredTruth& infrared = *truth_.infrared;
+  if (!infrared_renderer_) {
+    Random random(seed_, "infrared background " + info_.name);
+    const cv::Mat background =
+        drawBackground(infrared.lens.width_px, infrared.lens.height_px, scene_.simulation().clutter, random);
+    const double black = faults_.inkjet ? kInkjetBlack : infrared.config.black;
+    const Tones tones{kInfraredWhite, black * kInfraredWhite, 0.3 * kInfraredWhite};
+    infrared_renderer_ = std::make_unique<GrayRenderer>(scene_.config().board, infrared.lens, infrared.light,
+                                                        tones, infrared.config, background);
+  }
+  Random noise(seed_ ^ scramble(static_cast<std::uint64_t>(index)), "infrared noise " + info_.name);
+  const Eigen::Isometry3d iMc = infrared.cMi.inverse();
+  const auto iMo = [&](double fraction) -> Eigen::Isometry3d {
+    return iMc * scene_.cMo(truth_.pose, infrared_schedule_->exposed(index, fraction));
+  };
+  std::vector<Capsule> links = scene_.armLinks(truth_.pose, infrared_schedule_->exposed(index, 0.5));
+  for (Capsule& link : links) {
+    link.from = iMc * link.from;
+    link.to = iMc * link.to;
+    link.gray *= Light::kActiveOnWall;
+  }
+  return infrared_renderer_->render(iMo, links, noise);
+}
+
+cv::Mat SimulatedCamera::depthImage(std::int64_t index) {
+  const InfraredTruth& infrared = *truth_.infrared;
+  if (!depth_renderer_) {
+    DepthRenderer::Scene seen;
+    seen.wall_distance_m = scene_.simulation().wall_distance_m;
+    seen.specular = infrared.light.specular;
+    seen.black_shows = !faults_.inkjet;
+    seen.unit_m = faults_.depth_unit_m;
+    depth_renderer_ = std::make_unique<DepthRenderer>(scene_.config().board, infrared.lens,
+                                                      infrared.config.depth, *infrared.depth, seen,
+                                                      Random(seed_, "depth pattern " + info_.name).bits());
+  }
+  Random noise(seed_ ^ scramble(static_cast<std::uint64_t>(index)), "depth noise " + info_.name);
+  const Instant middle = infrared_schedule_->exposed(index, 0.5);
+  return depth_renderer_->render(infrared.cMi.inverse() * scene_.cMo(truth_.pose, middle), noise);
 }
 
 }  // namespace servocal::sim

@@ -7,8 +7,9 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "color_renderer.h"
+#include "background.h"
 #include "default_sim.h"
+#include "gray_renderer.h"
 #include "sim_truth.h"
 
 namespace servocal::sim {
@@ -45,8 +46,9 @@ Eigen::Isometry3d boardPose(double x, double y, double z, double tilt, double ro
 
 cv::Mat rendered(const Eigen::Isometry3d& cMo, const Light& light, const SimulatedCameraConfig& camera,
                  const BoardSpec& board = {}) {
-  ColorRenderer renderer(board, testLens(), light, camera, /*clutter=*/false, 1);
   Random random(1, "test frame");
+  const cv::Mat background = drawBackground(1920, 1080, /*clutter=*/false, random);
+  GrayRenderer renderer(board, testLens(), light, Tones{}, camera, background);
   return renderer.render([&](double) { return cMo; }, {}, random);
 }
 
@@ -77,11 +79,13 @@ double printedAt(const TagGrid& grid, double margin_m, double x_m, double y_m) {
   if (x < 0 || y < 0 || x >= right || y >= low) return 1;
   const int column = static_cast<int>(x / pitch), row = static_cast<int>(y / pitch);
   const double cell_m = grid.tag_size_m / 8;
-  const int i = static_cast<int>((x - column * pitch) / cell_m), j = static_cast<int>((y - row * pitch) / cell_m);
+  const int i = static_cast<int>((x - column * pitch) / cell_m),
+            j = static_cast<int>((y - row * pitch) / cell_m);
   if (i >= 8 || j >= 8) return 1;
   if (i == 0 || j == 0 || i == 7 || j == 7) return 0;
   const int code = grid.first_id + (grid.tags_y - 1 - row) * grid.tags_x + column;  // From the lower left.
-  const cv::Mat bits = cv::aruco::Dictionary::getBitsFromByteList(codes->bytesList.rowRange(code, code + 1), 6);
+  const cv::Mat bits =
+      cv::aruco::Dictionary::getBitsFromByteList(codes->bytesList.rowRange(code, code + 1), 6);
   return bits.at<uchar>(6 - j, 6 - i);  // OpenCV keeps these codes upside down.
 }
 
@@ -152,7 +156,8 @@ void compareWithBruteForce(const BoardSpec& board, const std::function<double(do
 
 TEST(Rendering, MatchesBruteForce) {
   const BoardSpec board;
-  compareWithBruteForce(board, [&](double x, double y) { return printedAt(board, x, y); }, 1.5);
+  compareWithBruteForce(
+      board, [&](double x, double y) { return printedAt(board, x, y); }, 1.5);
 }
 
 TEST(Rendering, TagsMatchBruteForce) {
@@ -160,8 +165,8 @@ TEST(Rendering, TagsMatchBruteForce) {
   tags.first_id = 100;
   const BoardSpec board{tags, 0.01};
   // A pixel is integrated as an upright box in board axes; only edges notice, and tags have many more.
-  compareWithBruteForce(board, [&](double x, double y) { return printedAt(tags, board.margin_m, x, y); },
-                        2.5);
+  compareWithBruteForce(
+      board, [&](double x, double y) { return printedAt(tags, board.margin_m, x, y); }, 2.5);
 }
 
 // No reference knows circles: the centre of mass of each disc's ink is where its centre is seen. A disc seen
@@ -307,7 +312,9 @@ TEST(Rendering, HighlightFollowsTheBoardsNormal) {
 TEST(Rendering, NoiseIsAsConfigured) {
   SimulatedCameraConfig camera = idealCamera();
   camera.noise_gray = 7.0;
-  ColorRenderer renderer(BoardSpec{}, testLens(), flatLight(), camera, /*clutter=*/false, 1);
+  Random wall(1, "test wall");
+  GrayRenderer renderer(BoardSpec{}, testLens(), flatLight(), Tones{}, camera,
+                        drawBackground(1920, 1080, /*clutter=*/false, wall));
   const Eigen::Isometry3d cMo = boardPose(0.0, 0.0, 0.6, 0.0, 0.0);
   Random random(1, "test frames");
   const cv::Mat first = renderer.render([&](double) { return cMo; }, {}, random);

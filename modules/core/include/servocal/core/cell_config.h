@@ -12,6 +12,7 @@
 #include "servocal/core/camera_model.h"
 #include "servocal/core/observation.h"
 #include "servocal/core/pose.h"
+#include "servocal/core/simulation.h"
 
 namespace servocal {
 
@@ -94,43 +95,6 @@ struct CoverageConfig {
   int max_views = 40;            ///< Per camera.
   int revisit_views = 8;         ///< Per camera, facing it, after its coverage.
   int check_views = 3;           ///< Per camera, kept from the solvers: the held-out error.
-};
-
-/// Geometry of one simulated camera, and how far each seed may move it. Read by `sim` alone.
-struct SimulatedCameraConfig {
-  std::string name;                    ///< Of the camera in CellConfig::cameras.
-  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();  ///< Nominal camera origin in b.
-  Eigen::Vector3d look_at_m = Eigen::Vector3d::Zero();   ///< Nominal point on the optical axis, in b.
-  double position_spread_m = 0.05;     ///< Each seed draws uniformly within +- this, per axis.
-  double rotation_spread_rad = 0.08;   ///< ... and a rotation up to this angle.
-  double focal_px = 1066.0;
-  double focal_spread = 0.02;          ///< Relative, +-.
-  double principal_point_spread_px = 12.0;
-  std::vector<double> distortion = {0.09, -0.12, 0.0006, -0.0004, 0.03};  ///< k1 k2 p1 p2 k3
-  double distortion_spread = 0.1;      ///< Relative, +-; |k1| stays at least 0.04.
-  double rate_hz = 30.0;
-  double exposure_s = 0.020;
-  double latency_s = 0.045;            ///< End of exposure to delivery.
-  double defocus_px = 0.9;             ///< Standard deviation of the point spread in focus, px.
-  double focus_distance_m = 0.7;
-  double defocus_px_per_diopter = 0.6; ///< Added (in quadrature) per 1/m off the focus distance.
-  double noise_gray = 7.0;             ///< Standard deviation at mid gray; of 255.
-};
-
-/// The simulated cell's truth and difficulty. A calibration run never sees these numbers.
-struct SimulationConfig {
-  double mount_rotation_spread_rad = 0.52;  ///< Board mount against nominal, per seed: angle up to this
-  double mount_translation_spread_m = 0.05; ///< and distance up to this.
-  Pose<EndEffector, Board> nominal_eMo = Pose<EndEffector, Board>::identity();
-  double repeatability_m = 0.0001;      ///< RMS length of the position error between visits.
-  double repeatability_rad = 0.00035;   ///< 0.02 degrees.
-  double accuracy_m = 0.0003;           ///< RMS over the workspace, beyond repeatability.
-  double max_joint_speed_radps = 3.14;
-  double max_joint_acceleration_radps2 = 15.0;
-  double light_gradient = 0.3;          ///< Relative fall of the light across the image.
-  double specular = 0.35;               ///< Strength of the highlight of the board's surface.
-  bool clutter = true;
-  std::vector<SimulatedCameraConfig> cameras;
 };
 
 /// Everything a cell file says. Lengths m, angles rad (files use degrees where keys end in _deg).

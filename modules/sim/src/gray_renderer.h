@@ -2,7 +2,6 @@
 #pragma once
 
 #include <Eigen/Geometry>
-#include <cstdint>
 #include <functional>
 #include <memory>
 #include <opencv2/core/mat.hpp>
@@ -12,17 +11,18 @@
 #include "lens.h"
 #include "sensor_noise.h"
 #include "servocal/core/board_spec.h"
-#include "servocal/core/cell_config.h"
+#include "servocal/core/simulation.h"
 
 namespace servocal::sim {
 
-/// Turns board poses into gray images of one fixed camera. Expensive tables are made at construction.
-class ColorRenderer {
+/// Turns board poses into gray images of one color or infrared camera. Expensive tables are made at
+/// construction.
+class GrayRenderer {
  public:
-  ColorRenderer(const BoardSpec& board, const Lens& lens, const Light& light,
-                const SimulatedCameraConfig& camera, bool clutter, std::uint64_t seed);
-  ColorRenderer(const ColorRenderer&) = delete;  // The board's layer refers to the ray table.
-  ColorRenderer& operator=(const ColorRenderer&) = delete;
+  GrayRenderer(const BoardSpec& board, const Lens& lens, const Light& light, const Tones& tones,
+               const SimulatedSensorConfig& sensor, const cv::Mat& background);
+  GrayRenderer(const GrayRenderer&) = delete;  // The board's layer refers to the ray table.
+  GrayRenderer& operator=(const GrayRenderer&) = delete;
 
   /// cMo at a fraction of the exposure, 0 its begin and 1 its end.
   using BoardMotion = std::function<Eigen::Isometry3d(double)>;
@@ -35,7 +35,7 @@ class ColorRenderer {
 
   BoardSpec board_;
   Lens lens_;
-  SimulatedCameraConfig camera_;
+  SimulatedSensorConfig sensor_;
   RayTable rays_;
   BoardLayer layer_;
   SensorNoise noise_;
