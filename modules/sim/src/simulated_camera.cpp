@@ -72,7 +72,7 @@ SimulatedCamera::SimulatedCamera(SimulatedClock& clock, SimulatedArm& arm, const
   info_.name = camera.name;
   info_.model = "simulated color camera";
   info_.serial = "sim-" + camera.name + "-" + std::to_string(seed);
-  info_.streams = {{Stream::kColor, camera.width_px, camera.height_px, simulated.rate_hz}};
+  info_.streams = {{Stream::kColor, camera.width_px, camera.height_px, simulated.rate_hz, false}};
   device_clock_offset_s_ = Random(seed, "clock " + camera.name).uniform(100.0, 10000.0);
 }
 
