@@ -38,7 +38,7 @@ int main(int argc, char** argv) {
     session::Session session = session::Session::create(out, cell.text, cell.board, seed);
     sim::Cell simulation(cell, seed);
     const robot::Kinematics kinematics(cell.arm);
-    robot::Guard guard(simulation.arm(), kinematics, simulation.clock(), cell.limits, cell.board);
+    robot::Guard guard(simulation.arm(), kinematics, simulation.clock(), cell);
     guard_of_signals = &guard;
     struct sigaction action = {};
     action.sa_handler = stopOnSignal;

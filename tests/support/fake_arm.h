@@ -33,6 +33,7 @@ class FakeArm final : public robot::Arm {
     Twist<Base> twist;
     Duration valid_for{};
     bool stop = false;
+    Eigen::VectorXd joints;  ///< rad/s; of a command of joint speeds, whose twist is then the one they make.
   };
 
   FakeArm(const robot::Kinematics& kinematics, Clock& clock, Eigen::VectorXd q,
@@ -68,16 +69,21 @@ class FakeArm final : public robot::Arm {
   }
   void move(robot::MotionKey, const Twist<Base>& twist, Duration valid_for) override {
     advance(clock_.now());
-    log_.push_back({clock_.now(), twist, valid_for, false});
+    log_.push_back({clock_.now(), twist, valid_for, false, {}});
     goal_ = twist;
-    expires_ = clock_.now() + valid_for;
-    stopping_ = false;
-    corrupt_states_ = corrupt;
+    take(Kind::kTwist, valid_for);
+  }
+  void moveJoints(robot::MotionKey, const Eigen::VectorXd& speeds_radps, Duration valid_for) override {
+    advance(clock_.now());
+    log_.push_back({clock_.now(), twistOf(speeds_radps), valid_for, false, speeds_radps});
+    joint_goal_ = speeds_radps;
+    take(Kind::kJoints, valid_for);
   }
   void stop(robot::MotionKey) override {
     advance(clock_.now());
-    log_.push_back({clock_.now(), {}, {}, true});
+    log_.push_back({clock_.now(), {}, {}, true, {}});
     goal_ = {};
+    joint_goal_.setZero(q_.size());
     stopping_ = true;
   }
 
@@ -94,6 +100,27 @@ class FakeArm final : public robot::Arm {
   bool corrupt = false;  ///< From the next command on, states hold NaN.
 
  private:
+  enum class Kind { kTwist, kJoints };
+
+  Twist<Base> twistOf(const Eigen::VectorXd& speeds) const {
+    const Eigen::VectorXd twist = kinematics_.jacobian(q_) * speeds;
+    return {twist.head<3>(), twist.tail<3>()};
+  }
+  Eigen::VectorXd speedsOf(const Twist<Base>& twist, const Eigen::VectorXd& q) const {
+    Eigen::Matrix<double, 6, 1> stacked;
+    stacked << twist.linear_mps, twist.angular_radps;
+    return kinematics_.jacobian(q).completeOrthogonalDecomposition().solve(stacked);
+  }
+
+  // What moves goes on as the other kind of motion.
+  void take(Kind kind, Duration valid_for) {
+    if (kind != kind_ && kind == Kind::kJoints) speeds_ = speedsOf(twist_, q_);
+    kind_ = kind;
+    expires_ = clock_.now() + valid_for;
+    stopping_ = false;
+    corrupt_states_ = corrupt;
+  }
+
   RobotState actual() const {
     RobotState state;
     state.stamp = time_;
@@ -107,11 +134,14 @@ class FakeArm final : public robot::Arm {
 
   // Towards zero along its own direction.
   void brake(double dt, double factor) {
-    const double time = std::max(twist_.linear_mps.norm() / (factor * options_.braking_mps2),
-                                 twist_.angular_radps.norm() / (factor * options_.braking_radps2));
+    double time = std::max(twist_.linear_mps.norm() / (factor * options_.braking_mps2),
+                           twist_.angular_radps.norm() / (factor * options_.braking_radps2));
+    if (kind_ == Kind::kJoints)
+      time = std::max(time, speeds_.cwiseAbs().maxCoeff() / (factor * options_.braking_radps2));
     const double left = time > dt ? 1.0 - dt / time : 0.0;
     twist_.linear_mps *= left;
     twist_.angular_radps *= left;
+    speeds_ *= left;
   }
 
   void advance(Instant now) {
@@ -119,24 +149,22 @@ class FakeArm final : public robot::Arm {
       Instant next = std::min(now, time_ + fromSeconds(options_.step_s));
       if (!stopping_ && time_ < expires_) next = std::min(next, expires_);
       const double dt = toSeconds(next - time_);
+      const double left = options_.lag_s > 0.0 ? std::exp(-dt / options_.lag_s) : 0.0;
       if (stopping_) {
         brake(dt, options_.stop_factor);
       } else if (time_ >= expires_) {
         brake(dt, 1.0);
-      } else if (options_.lag_s > 0.0) {
-        const double share = 1.0 - std::exp(-dt / options_.lag_s);
-        twist_.linear_mps += share * (goal_.linear_mps - twist_.linear_mps);
-        twist_.angular_radps += share * (goal_.angular_radps - twist_.angular_radps);
+      } else if (kind_ == Kind::kJoints) {
+        speeds_ = joint_goal_ + left * (speeds_ - joint_goal_);
       } else {
-        twist_ = goal_;
+        twist_.linear_mps = goal_.linear_mps + left * (twist_.linear_mps - goal_.linear_mps);
+        twist_.angular_radps = goal_.angular_radps + left * (twist_.angular_radps - goal_.angular_radps);
       }
-      if (!twist_.isZero()) {
-        Eigen::Matrix<double, 6, 1> stacked;
-        stacked << twist_.linear_mps, twist_.angular_radps;
-        const auto speeds = [&](const Eigen::VectorXd& q) -> Eigen::VectorXd {
-          return kinematics_.jacobian(q).completeOrthogonalDecomposition().solve(stacked);
-        };
-        q_ += dt * speeds(q_ + 0.5 * dt * speeds(q_));  // Midpoint rule.
+      if (kind_ == Kind::kJoints) {
+        q_ += dt * speeds_;
+        twist_ = twistOf(speeds_);
+      } else if (!twist_.isZero()) {
+        q_ += dt * speedsOf(twist_, q_ + 0.5 * dt * speedsOf(twist_, q_));  // Midpoint rule.
       }
       time_ = next;
       history_.push_back(actual());
@@ -152,6 +180,8 @@ class FakeArm final : public robot::Arm {
   Eigen::VectorXd q_;
   Instant time_;
   Twist<Base> twist_, goal_;
+  Eigen::VectorXd speeds_ = Eigen::VectorXd::Zero(q_.size()), joint_goal_ = speeds_;
+  Kind kind_ = Kind::kTwist;
   Instant expires_{};
   bool stopping_ = true;
   bool corrupt_states_ = false;

@@ -45,7 +45,7 @@ Trial runTrial(const CellConfig& cell, std::uint64_t seed, const std::filesystem
   const robot::Kinematics kinematics(cell.arm);
   Trial trial;
   {
-    robot::Guard guard(simulation.arm(), kinematics, simulation.clock(), cell.limits, cell.board);
+    robot::Guard guard(simulation.arm(), kinematics, simulation.clock(), cell);
     procedure::Devices devices{simulation.clock(), guard, {}};
     for (const CameraConfig& camera : cell.cameras) devices.cameras.push_back(&simulation.camera(camera.name));
     auto session = session::Session::create(folder, cell.text, cell.board, seed);

@@ -13,6 +13,7 @@
 #include <random>
 #include <stdexcept>
 
+#include "shape_gap.h"
 #include "urdf_chain.h"
 
 namespace servocal::robot {
@@ -35,8 +36,21 @@ Eigen::Isometry3d toEigen(const urdf::Pose& pose) {
 
 struct Shape {
   std::shared_ptr<fcl::CollisionGeometryd> geometry;
+  RoundedBox rounded;  // The same once more, for gaps.
   Eigen::Isometry3d in_body = Eigen::Isometry3d::Identity();
 };
+
+Shape boxShape(const Eigen::Vector3d& size, const Eigen::Isometry3d& in_body) {
+  return {std::make_shared<fcl::Boxd>(size), {0.5 * size, 0.0}, in_body};
+}
+
+Shape sphereShape(double radius, const Eigen::Isometry3d& in_body) {
+  return {std::make_shared<fcl::Sphered>(radius), {Eigen::Vector3d::Zero(), radius}, in_body};
+}
+
+Shape capsuleShape(double radius, double length, const Eigen::Isometry3d& in_body) {
+  return {std::make_shared<fcl::Capsuled>(radius, length), {{0.0, 0.0, 0.5 * length}, radius}, in_body};
+}
 
 struct Body {
   std::string name;
@@ -50,34 +64,28 @@ struct JointModel {
 };
 
 std::optional<Shape> shapeOf(const urdf::Collision& collision) {
-  Shape shape;
-  shape.in_body = toEigen(collision.origin);
+  const Eigen::Isometry3d in_body = toEigen(collision.origin);
   if (!collision.geometry) return std::nullopt;
   switch (collision.geometry->type) {
     case urdf::Geometry::BOX: {
       const auto& box = static_cast<const urdf::Box&>(*collision.geometry);
-      shape.geometry = std::make_shared<fcl::Boxd>(box.dim.x, box.dim.y, box.dim.z);
-      return shape;
+      return boxShape({box.dim.x, box.dim.y, box.dim.z}, in_body);
     }
     case urdf::Geometry::SPHERE:
-      shape.geometry = std::make_shared<fcl::Sphered>(static_cast<const urdf::Sphere&>(*collision.geometry).radius);
-      return shape;
+      return sphereShape(static_cast<const urdf::Sphere&>(*collision.geometry).radius, in_body);
     case urdf::Geometry::CYLINDER: {
       const auto& cylinder = static_cast<const urdf::Cylinder&>(*collision.geometry);
-      shape.geometry = std::make_shared<fcl::Capsuled>(cylinder.radius, cylinder.length);
-      return shape;
+      return capsuleShape(cylinder.radius, cylinder.length, in_body);
     }
     default: return std::nullopt;  // A mesh.
   }
 }
 
-Shape capsule(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double radius) {
-  Shape shape;
-  shape.geometry = std::make_shared<fcl::Capsuled>(radius, (to - from).norm());
-  shape.in_body.linear() =
-      Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), to - from).toRotationMatrix();
-  shape.in_body.translation() = 0.5 * (from + to);
-  return shape;
+Shape capsuleBetween(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double radius) {
+  Eigen::Isometry3d in_body = Eigen::Isometry3d::Identity();
+  in_body.linear() = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), to - from).toRotationMatrix();
+  in_body.translation() = 0.5 * (from + to);
+  return capsuleShape(radius, (to - from).norm(), in_body);
 }
 
 }  // namespace
@@ -89,6 +97,8 @@ struct CollisionModel::Impl {
   std::vector<Box> boxes;
   std::vector<Body> box_bodies;
   std::vector<std::vector<bool>> exempt;  // Link by box.
+  std::vector<Body> obstacles;
+  std::vector<double> reach_m;        // Per turning joint: farther from its axis is nothing that it moves.
   BoardSpec board;
   std::optional<Body> plate;
 
@@ -121,6 +131,9 @@ struct CollisionModel::Impl {
       for (std::size_t box = 0; box < boxes.size(); ++box) {
         if (!exempt[i][box] && !visit(links[i], poses[i], box_bodies[box], base)) return;
       }
+      for (const Body& obstacle : obstacles) {
+        if (i > 0 && !visit(links[i], poses[i], obstacle, base)) return;
+      }
       for (std::size_t j = i + 1; j < links.size(); ++j) {
         if (turning[j] - turning[i] > kNeighbors && !visit(links[i], poses[i], links[j], poses[j])) return;
       }
@@ -130,6 +143,26 @@ struct CollisionModel::Impl {
     if (!plate) return;
     for (const Body& box : box_bodies) {
       if (!visit(*plate, poses.back(), box, base)) return;
+    }
+    for (const Body& obstacle : obstacles) {
+      if (!visit(*plate, poses.back(), obstacle, base)) return;
+    }
+  }
+
+  // From the tip inwards: what a joint moves is never farther from it than this.
+  void findReach() {
+    const auto extent = [](const Body& body) {
+      double most = 0.0;
+      for (const Shape& shape : body.shapes)
+        most = std::max(most, shape.in_body.translation().norm() + shape.rounded.half_m.norm() + shape.rounded.radius_m);
+      return most;
+    };
+    reach_m.clear();
+    double reach = plate ? extent(*plate) : 0.0;
+    for (std::size_t i = joints.size(); i-- > 0;) {
+      reach = std::max(reach, extent(links[i + 1]));
+      if (joints[i].turns) reach_m.insert(reach_m.begin(), reach);
+      reach += joints[i].origin.translation().norm();
     }
   }
 
@@ -175,19 +208,19 @@ CollisionModel::CollisionModel(const ArmConfig& arm, const std::vector<Box>& kee
     // What is not described reaches to the next joint.
     if (body.shapes.empty() && i + 1 < links.size()) {
       const Eigen::Vector3d next = impl_->joints[i].origin.translation();
-      if (next.norm() > 1e-3) body.shapes.push_back(capsule(Eigen::Vector3d::Zero(), next, kLinkRadiusM));
+      if (next.norm() > 1e-3) body.shapes.push_back(capsuleBetween(Eigen::Vector3d::Zero(), next, kLinkRadiusM));
     }
     impl_->links.push_back(std::move(body));
   }
   impl_->boxes = keep_out;
   for (const Box& box : keep_out) {
     const Eigen::Vector3d size = box.max_m - box.min_m;
-    Shape shape{std::make_shared<fcl::Boxd>(size.x(), size.y(), size.z()), Eigen::Isometry3d::Identity()};
-    shape.in_body.translation() = 0.5 * (box.min_m + box.max_m);
-    impl_->box_bodies.push_back({"keep-out box '" + box.name + "'", {shape}});
+    const Eigen::Isometry3d pose(Eigen::Translation3d(0.5 * (box.min_m + box.max_m)));
+    impl_->box_bodies.push_back({"keep-out box '" + box.name + "'", {boxShape(size, pose)}});
   }
   impl_->board = board;
   impl_->findExemptions();
+  impl_->findReach();
 }
 
 CollisionModel::~CollisionModel() = default;
@@ -195,10 +228,43 @@ CollisionModel::CollisionModel(CollisionModel&&) noexcept = default;
 
 void CollisionModel::setBoard(const std::optional<Pose<EndEffector, Board>>& eMo) {
   impl_->plate.reset();
-  if (!eMo) return;
+  if (!eMo) return impl_->findReach();
   const Eigen::Vector3d far = impl_->board.outline()[2];
-  impl_->plate = Body{"board",
-                      {{std::make_shared<fcl::Boxd>(2.0 * far.x(), 2.0 * far.y(), kBoardThicknessM), eMo->isometry()}}};
+  const Eigen::Vector3d size(2.0 * far.x(), 2.0 * far.y(), kBoardThicknessM);
+  impl_->plate = Body{"board", {boxShape(size, eMo->isometry())}};
+  impl_->findReach();
+}
+
+void CollisionModel::setObstacles(const std::vector<Sphere>& obstacles) {
+  impl_->obstacles.clear();
+  for (const Sphere& sphere : obstacles) {
+    if (!sphere.center_b.allFinite() || !(sphere.radius_m > 0.0))
+      throw std::invalid_argument("CollisionModel: obstacle '" + sphere.name + "' is not a sphere");
+    const Eigen::Isometry3d pose(Eigen::Translation3d(sphere.center_b));
+    impl_->obstacles.push_back({"space around '" + sphere.name + "'", {sphereShape(sphere.radius_m, pose)}});
+  }
+}
+
+std::vector<CollisionModel::Gap> CollisionModel::gaps(const Eigen::VectorXd& q) const {
+  std::vector<Gap> found;
+  impl_->pairs(q, [&](const Body& a, const Eigen::Isometry3d& a_pose, const Body& b, const Eigen::Isometry3d& b_pose) {
+    Gap least{std::numeric_limits<double>::infinity(), a.name.c_str(), b.name.c_str()};
+    for (const Shape& one : a.shapes) {
+      const Eigen::Isometry3d one_pose = a_pose * one.in_body;
+      for (const Shape& other : b.shapes)
+        least.distance_m = std::min(least.distance_m, gap(one.rounded, one_pose, other.rounded, b_pose * other.in_body));
+    }
+    found.push_back(least);
+    return true;
+  });
+  return found;
+}
+
+double CollisionModel::travel(const Eigen::VectorXd& dq) const {
+  double sum = 0.0;
+  for (std::size_t joint = 0; joint < impl_->reach_m.size(); ++joint)
+    sum += impl_->reach_m[joint] * std::abs(dq[static_cast<Eigen::Index>(joint)]);
+  return sum;
 }
 
 std::optional<std::string> CollisionModel::contact(const Eigen::VectorXd& q) const {

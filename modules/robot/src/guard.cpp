@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <stdexcept>
 
+#include "motion.h"
 #include "position_rules.h"
 #include "servocal/core/error.h"
 #include "twist_limits.h"
@@ -40,8 +41,16 @@ bool isFinite(const RobotState& state) {
   return state.q.allFinite() && state.bMe.isFinite() && state.twist.isFinite();
 }
 
-bool creeps(const Twist<Base>& twist) {
-  return twist.linear_mps.norm() < kCreepMps && twist.angular_radps.norm() < kCreepRadps;
+bool creeps(const Motion& motion) {
+  if (motion.kind == Motion::Kind::kJoints) return motion.velocity.cwiseAbs().maxCoeff() < kCreepRadps;
+  return motion.velocity.head<3>().norm() < kCreepMps && motion.velocity.tail<3>().norm() < kCreepRadps;
+}
+
+Motion atRest() { return {Motion::Kind::kTwist, Eigen::VectorXd::Zero(6)}; }
+
+// Braking for dt seconds along its own direction.
+Motion braked(const Motion& motion, double braking_s, double dt) {
+  return motion.scaled(braking_s > dt ? 1.0 - dt / braking_s : 0.0);
 }
 
 std::string milliseconds(Duration duration) {
@@ -62,6 +71,7 @@ const char* toString(GuardRule rule) {
     case GuardRule::kJoint: return "joint";
     case GuardRule::kWorkspace: return "workspace";
     case GuardRule::kKeepOut: return "keep_out";
+    case GuardRule::kCollision: return "collision";
     case GuardRule::kStaleFrame: return "stale_frame";
     case GuardRule::kNonFinite: return "non_finite";
     case GuardRule::kOperatorStop: return "operator_stop";
@@ -71,7 +81,16 @@ const char* toString(GuardRule rule) {
 
 Guard::Guard(Arm& arm, const Kinematics& kinematics, Clock& clock, const MotionLimits& limits,
              const BoardSpec& board, const GuardOptions& options)
-    : arm_(arm), kinematics_(kinematics), clock_(clock), limits_(limits), options_(options) {
+    : Guard(arm, kinematics, clock, limits, board, options, std::nullopt) {}
+
+Guard::Guard(Arm& arm, const Kinematics& kinematics, Clock& clock, const CellConfig& cell, const GuardOptions& options)
+    : Guard(arm, kinematics, clock, cell.limits, cell.board, options,
+            CollisionModel(cell.arm, cell.limits.keep_out, cell.board)) {}
+
+Guard::Guard(Arm& arm, const Kinematics& kinematics, Clock& clock, const MotionLimits& limits,
+             const BoardSpec& board, const GuardOptions& options, std::optional<CollisionModel> links)
+    : arm_(arm), kinematics_(kinematics), clock_(clock), limits_(limits), options_(options),
+      last_applied_(std::make_unique<Motion>(atRest())) {
   requirePositive(limits.max_speed_mps, "max_speed_mps");
   requirePositive(limits.max_angular_speed_radps, "max_angular_speed_radps");
   requirePositive(limits.max_acceleration_mps2, "max_acceleration_mps2");
@@ -83,11 +102,13 @@ Guard::Guard(Arm& arm, const Kinematics& kinematics, Clock& clock, const MotionL
     throw std::invalid_argument("guard: joint_margin_rad must not be negative");
   if (!(options.unknown_board_radius_m >= 0.0))
     throw std::invalid_argument("guard: unknown_board_radius_m must not be negative");
+  if (!(options.link_clearance_m >= 0.0))
+    throw std::invalid_argument("guard: link_clearance_m must not be negative");
   if (options.look_ahead < options.command_timeout)
     throw std::invalid_argument("guard: look_ahead must not be shorter than command_timeout");
   requireNotEmpty(limits.workspace);
   for (const Box& box : limits.keep_out) requireNotEmpty(box);
-  rules_ = std::make_unique<PositionRules>(kinematics, limits, board, options.unknown_board_radius_m);
+  rules_ = std::make_unique<PositionRules>(kinematics, limits, board, options, std::move(links));
 }
 
 Guard::~Guard() {
@@ -102,6 +123,13 @@ void Guard::setBoard(const std::optional<Pose<EndEffector, Board>>& eMo) {
   rules_->setBoard(eMo);
 }
 
+void Guard::setObstacles(const std::vector<Sphere>& obstacles) {
+  for (const Sphere& sphere : obstacles)
+    if (!sphere.center_b.allFinite() || !(sphere.radius_m > 0.0))
+      throw std::invalid_argument("guard: obstacle '" + sphere.name + "' is not a sphere");
+  rules_->setObstacles(obstacles);
+}
+
 GuardVerdict Guard::emergency(GuardRule rule, std::string reason) {
   stopNow();
   GuardVerdict verdict;
@@ -112,25 +140,38 @@ GuardVerdict Guard::emergency(GuardRule rule, std::string reason) {
 }
 
 void Guard::stopNow() {
-  last_applied_ = {};
+  *last_applied_ = atRest();
   arm_.stop(MotionKey());
 }
 
-void Guard::apply(const Twist<Base>& twist, Instant now, std::optional<Instant> seen) {
+void Guard::apply(const Motion& motion, Instant now, std::optional<Instant> seen) {
   Duration valid_for = options_.command_timeout;
   if (seen) valid_for = std::min(valid_for, *seen + options_.max_frame_age - now);
-  arm_.move(MotionKey(), twist, valid_for);
-  last_applied_ = twist;
+  if (motion.kind == Motion::Kind::kJoints)
+    arm_.moveJoints(MotionKey(), motion.velocity, valid_for);
+  else
+    arm_.move(MotionKey(), {motion.velocity.head<3>(), motion.velocity.tail<3>()}, valid_for);
+  *last_applied_ = motion;
   last_command_ = now;
   expires_ = now + valid_for;
-  if (twist.isZero()) return;
+  if (motion.isZero()) return;
   if (!motion_span_) motion_span_.emplace(now, now);
   motion_span_->second = now;
 }
 
 GuardVerdict Guard::command(const Twist<Base>& wanted, std::optional<Instant> seen) {
+  return judge({Motion::Kind::kTwist, stacked(wanted)}, seen);
+}
+
+GuardVerdict Guard::commandJoints(const Eigen::VectorXd& wanted_radps, std::optional<Instant> seen) {
+  if (wanted_radps.size() != kinematics_.joints())
+    throw std::invalid_argument("guard: expected " + std::to_string(kinematics_.joints()) + " joint speeds");
+  return judge({Motion::Kind::kJoints, wanted_radps}, seen);
+}
+
+GuardVerdict Guard::judge(const Motion& wanted, std::optional<Instant> seen) {
   if (operatorStopped()) return emergency(GuardRule::kOperatorStop, "The operator asked to stop.");
-  if (!wanted.isFinite())
+  if (!wanted.velocity.allFinite())
     return emergency(GuardRule::kNonFinite, "The commanded motion is not a number; the arm was stopped.");
   const RobotState state = arm_.state();
   if (state.q.size() != kinematics_.joints() || !isFinite(state))
@@ -153,43 +194,57 @@ GuardVerdict Guard::command(const Twist<Base>& wanted, std::optional<Instant> se
 
   // The ramp starts from what the arm does: nothing, if the last command ran out.
   double dt = toSeconds(now - last_command_);
-  if (!last_applied_.isZero() && now > expires_) {
+  if (!last_applied_->isZero() && now > expires_) {
     intervene(GuardRule::kWatchdog, "No command came for " + milliseconds(now - last_command_) +
                                         "; the arm braked and starts again.");
-    last_applied_ = {};
+    *last_applied_ = atRest();
   }
-  if (last_applied_.isZero()) dt = std::min(dt, kFirstStepS);
+  if (last_applied_->isZero()) {
+    dt = std::min(dt, kFirstStepS);
+    *last_applied_ = wanted.scaled(0.0);
+  }
   dt = std::max(dt, 0.0);
+  const Motion last = *last_applied_;
 
   const Eigen::Matrix3d bRe = state.bMe.rotation();
-  const Eigen::MatrixXd jacobian = kinematics_.jacobian(state.q);
-  const auto jointUse = [&](const Twist<Base>& twist) {
-    return jointSpeeds(jacobian, twist).cwiseAbs().maxCoeff() / limits_.max_joint_speed_radps;
+  const MotionAt here(kinematics_.jacobian(state.q));
+  const auto speedUseOf = [&](const Motion& motion) {
+    return speedUse(here.twist(motion), bRe, rules_->body(), limits_);
   };
-  const auto use = [&](const Twist<Base>& twist) {
-    return std::max(speedUse(twist, bRe, rules_->body(), limits_), jointUse(twist));
+  const auto jointUseOf = [&](const Motion& motion) {
+    return here.joints(motion).cwiseAbs().maxCoeff() / limits_.max_joint_speed_radps;
   };
+  const auto use = [&](const Motion& motion) { return std::max(speedUseOf(motion), jointUseOf(motion)); };
 
-  Twist<Base> target = wanted;
-  if (const double speed_use = speedUse(target, bRe, rules_->body(), limits_); speed_use > kSpeedShare) {
-    target = (kSpeedShare / speed_use) * target;
+  Motion target = wanted;
+  if (wanted.kind != last.kind) {
+    target = last.scaled(0.0);
+    intervene(GuardRule::kAcceleration, "Brakes before it moves by another kind of command.");
+  }
+  if (const double speed_use = speedUseOf(target); speed_use > kSpeedShare) {
+    target = target.scaled(kSpeedShare / speed_use);
     if (speed_use > kRounding) intervene(GuardRule::kSpeed, "Slowed down to the speed limits.");
   }
-  if (const double joint_use = jointUse(target); !std::isfinite(joint_use)) {
-    target = {};
+  if (const double joint_use = jointUseOf(target); !std::isfinite(joint_use)) {
+    target = target.scaled(0.0);
     intervene(GuardRule::kJoint, "The arm is at a singular pose and cannot move that way.");
   } else if (joint_use > kSpeedShare) {
-    target = (kSpeedShare / joint_use) * target;
+    target = target.scaled(kSpeedShare / joint_use);
     if (joint_use > kRounding) intervene(GuardRule::kJointSpeed, "Slowed down to the joint speed limit.");
   }
 
   // Everything between braking and the ramped command obeys the acceleration limits, and the speed
   // limits bound a convex set that holds the braking command: bisect for the most that is allowed.
-  const Twist<Base> braking = braked(last_applied_, dt, limits_);
-  const Twist<Base> most = ramped(last_applied_, target, dt, limits_);
-  if (!(stacked(most) - stacked(target)).isZero(1e-12))
+  const Motion braking = braked(last, here.brakingTime(last, limits_), dt);
+  Motion most = target;
+  const Motion change{last.kind, target.velocity - last.velocity};
+  if (const double change_s = here.brakingTime(change, limits_); change_s > dt)
+    most.velocity = last.velocity + (dt / change_s) * change.velocity;
+  if (!(most.velocity - target.velocity).isZero(1e-12))
     intervene(GuardRule::kAcceleration, "Ramped to the acceleration limits.");
-  const auto between = [&](double share) { return braking + share * (most - braking); };
+  const auto between = [&](double share) {
+    return Motion{last.kind, braking.velocity + share * (most.velocity - braking.velocity)};
+  };
   double share = 1.0;
   if (use(most) > kRounding) {
     double low = 0.0, high = 1.0;
@@ -201,10 +256,10 @@ GuardVerdict Guard::command(const Twist<Base>& wanted, std::optional<Instant> se
   }
 
   // Positions. Braking needs no look: its curve is the end of the one that was allowed before.
-  Twist<Base> applied = braking;
+  Motion applied = braking;
   std::optional<Objection> objection;
   for (const double part : {1.0, 0.9, 0.75, 0.5, 0.25, 0.1}) {
-    const Twist<Base> candidate = between(part * share);
+    const Motion candidate = between(part * share);
     std::optional<Objection> found = rules_->along(state, candidate, toSeconds(options_.look_ahead));
     if (!found) {
       applied = candidate;
@@ -217,16 +272,20 @@ GuardVerdict Guard::command(const Twist<Base>& wanted, std::optional<Instant> se
   verdict.braking = hindered && creeps(applied) && !creeps(wanted);
 
   apply(applied, now, seen);
-  verdict.applied = applied;
+  verdict.applied = here.twist(applied);
   return verdict;
 }
 
 void Guard::stopAndWait() {
   const Instant give_up = clock_.now() + fromSeconds(kStopWithinS);
-  while (!last_applied_.isZero() && clock_.now() <= expires_ && !operatorStopped()) {
+  while (!last_applied_->isZero() && clock_.now() <= expires_ && !operatorStopped()) {
+    const RobotState state = arm_.state();
+    if (state.q.size() != kinematics_.joints() || !state.q.allFinite()) break;
+    const MotionAt here(kinematics_.jacobian(state.q));
     const Instant now = clock_.now();
-    apply(braked(last_applied_, toSeconds(now - last_command_), limits_), now, std::nullopt);
-    if (!last_applied_.isZero()) clock_.sleepFor(fromSeconds(kPeriodS));
+    apply(braked(*last_applied_, here.brakingTime(*last_applied_, limits_), toSeconds(now - last_command_)), now,
+          std::nullopt);
+    if (!last_applied_->isZero()) clock_.sleepFor(fromSeconds(kPeriodS));
   }
   stopNow();
   int still = 0;
@@ -248,8 +307,8 @@ std::optional<std::string> Guard::objection(const Pose<Base, EndEffector>& bMe) 
   return std::nullopt;
 }
 
-std::optional<std::string> Guard::objection(const Eigen::VectorXd& q) const {
-  if (const auto found = rules_->at(q)) return found->reason;
+std::optional<std::string> Guard::objection(const Eigen::VectorXd& q, double room_m) const {
+  if (const auto found = rules_->at(q, room_m)) return found->reason;
   return std::nullopt;
 }
 

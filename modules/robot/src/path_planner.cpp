@@ -2,6 +2,7 @@
 #include "servocal/robot/path_planner.h"
 
 #include <ompl/base/spaces/RealVectorStateSpace.h>
+#include <ompl/base/terminationconditions/IterationTerminationCondition.h>
 #include <ompl/geometric/PathGeometric.h>
 #include <ompl/geometric/PathSimplifier.h>
 #include <ompl/geometric/SimpleSetup.h>
@@ -11,7 +12,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
+#include <mutex>
+#include <random>
 #include <stdexcept>
 
 namespace servocal::robot {
@@ -21,6 +25,16 @@ namespace ob = ompl::base;
 namespace og = ompl::geometric;
 
 constexpr double kPi = 3.14159265358979323846;
+constexpr int kStarts = 32;           // Of the search for postures.
+constexpr double kSamePostureRad = 0.1;
+
+double largest(const Eigen::VectorXd& v) { return v.cwiseAbs().maxCoeff(); }
+
+double lengthOf(const std::vector<Eigen::VectorXd>& path) {
+  double sum = 0.0;
+  for (std::size_t i = 1; i < path.size(); ++i) sum += largest(path[i] - path[i - 1]);
+  return sum;
+}
 
 Eigen::VectorXd anglesOf(const ob::State* state, Eigen::Index size) {
   const double* values = state->as<ob::RealVectorStateSpace::StateType>()->values;
@@ -41,13 +55,12 @@ std::optional<std::vector<Eigen::VectorXd>> planPath(const Kinematics& kinematic
   if (from.size() != size || to.size() != size || !from.allFinite() || !to.allFinite())
     throw std::invalid_argument("planPath: both ends need " + std::to_string(size) + " finite joint angles");
 
-  // OMPL draws its own seeds from one generator; set once, a program's plans repeat.
-  static const bool quiet = [] {
-    ompl::msg::setLogLevel(ompl::msg::LOG_NONE);
-    ompl::RNG::setSeed(1);
-    return true;
-  }();
-  (void)quiet;
+  // OMPL draws the seeds of its generators from one for the whole process. Set anew for each question, with no
+  // other in between, the answer repeats; OMPL would log that as a mistake.
+  static std::mutex one_at_a_time;
+  const std::lock_guard<std::mutex> lock(one_at_a_time);
+  ompl::msg::setLogLevel(ompl::msg::LOG_NONE);
+  ompl::RNG::setSeed(1);
 
   auto space = std::make_shared<ob::RealVectorStateSpace>(static_cast<unsigned>(size));
   ob::RealVectorBounds bounds(static_cast<unsigned>(size));
@@ -70,8 +83,8 @@ std::optional<std::vector<Eigen::VectorXd>> planPath(const Kinematics& kinematic
   setup.setStartAndGoalStates(start, goal);
   setup.setPlanner(std::make_shared<og::RRTConnect>(setup.getSpaceInformation()));
   if (!free(from) || !free(to)) return std::nullopt;
-  const double budget_s = toSeconds(options.budget);
-  if (setup.solve(budget_s) != ob::PlannerStatus::EXACT_SOLUTION) return std::nullopt;
+  ob::IterationTerminationCondition search(static_cast<unsigned>(std::max(1, options.max_iterations)));
+  if (setup.solve(search) != ob::PlannerStatus::EXACT_SOLUTION) return std::nullopt;
 
   og::PathGeometric& path = setup.getSolutionPath();
   og::PathSimplifier simplifier(setup.getSpaceInformation());
@@ -80,6 +93,70 @@ std::optional<std::vector<Eigen::VectorXd>> planPath(const Kinematics& kinematic
   std::vector<Eigen::VectorXd> corners;
   for (std::size_t i = 0; i < path.getStateCount(); ++i) corners.push_back(anglesOf(path.getState(i), size));
   return corners;
+}
+
+std::vector<Eigen::VectorXd> postures(const Kinematics& kinematics, const Pose<Base, EndEffector>& bMe,
+                                      const Eigen::VectorXd& from, double margin_rad) {
+  std::mt19937_64 random(1);  // The same every time.
+  std::uniform_real_distribution<double> turn(-kPi, kPi);
+  std::vector<Eigen::VectorXd> found;
+  for (int start = 0; start < kStarts; ++start) {
+    Eigen::VectorXd seed = from;
+    if (start > 0)
+      for (double& angle : seed) angle += turn(random);
+    std::optional<Eigen::VectorXd> q = kinematics.inverse(bMe, seed, margin_rad);
+    if (!q) {
+      if (start > 2 && found.empty()) break;  // Each start has searched all around itself: out of reach.
+      continue;
+    }
+    for (Eigen::Index joint = 0; joint < q->size(); ++joint) {
+      const double nearer = (*q)[joint] + 2.0 * kPi * std::round((from[joint] - (*q)[joint]) / (2.0 * kPi));
+      if (nearer >= kinematics.lower()[joint] + margin_rad && nearer <= kinematics.upper()[joint] - margin_rad)
+        (*q)[joint] = nearer;
+    }
+    const bool known = std::any_of(found.begin(), found.end(), [&](const Eigen::VectorXd& other) {
+      return largest(other - *q) < kSamePostureRad;
+    });
+    if (!known) found.push_back(std::move(*q));
+  }
+  std::sort(found.begin(), found.end(), [&](const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
+    return largest(a - from) < largest(b - from);
+  });
+  return found;
+}
+
+Plan planTo(const Guard& guard, const Eigen::VectorXd& from, const Pose<Base, EndEffector>& bMe,
+            const PlanOptions& options) {
+  const Kinematics& kinematics = guard.kinematics();
+  if (from.size() != kinematics.joints() || !from.allFinite() || !bMe.isFinite())
+    throw std::invalid_argument("planTo: expected " + std::to_string(kinematics.joints()) +
+                                " finite joint angles and a finite pose");
+  if (const auto reason = guard.objection(from)) return {{}, "The arm cannot leave where it stands. " + *reason};
+  const double room_m = guard.objection(from, options.room_m) ? 0.0 : options.room_m;
+  const auto free = [&](const Eigen::VectorXd& q) { return !guard.objection(q, room_m); };
+  const double margin_rad = std::max(options.search.joint_margin_rad, guard.limits().joint_margin_rad);
+
+  const std::vector<Eigen::VectorXd> goals = postures(kinematics, bMe, from, margin_rad);
+  if (goals.empty()) return {{}, "No joint angles of the arm reach the goal."};
+  Plan best;
+  double least = std::numeric_limits<double>::infinity();
+  int searched = 0;
+  for (const Eigen::VectorXd& goal : goals) {
+    if (largest(goal - from) >= least) break;  // No way there is shorter.
+    if (const auto reason = guard.objection(goal, room_m)) {
+      if (best.reason.empty()) best.reason = *reason;
+      continue;
+    }
+    ++searched;
+    const auto path = planPath(kinematics, free, from, goal, options.search);
+    if (!path || lengthOf(*path) >= least) continue;
+    least = lengthOf(*path);
+    best.path = *path;
+  }
+  if (!best.path.empty()) best.reason.clear();
+  else if (searched > 0)
+    best.reason = "No free way to the goal was found, in any of " + std::to_string(searched) + " postures of the arm.";
+  return best;
 }
 
 }  // namespace servocal::robot

@@ -22,18 +22,6 @@ double brakingTime(const Twist<Base>& twist, const MotionLimits& limits) {
                   twist.angular_radps.norm() / limits.max_angular_acceleration_radps2);
 }
 
-Twist<Base> braked(const Twist<Base>& twist, double dt, const MotionLimits& limits) {
-  const double time = brakingTime(twist, limits);
-  return time > dt ? (1.0 - dt / time) * twist : Twist<Base>{};
-}
-
-Twist<Base> ramped(const Twist<Base>& last, const Twist<Base>& target, double dt,
-                   const MotionLimits& limits) {
-  const Twist<Base> change = target - last;
-  const double time = brakingTime(change, limits);
-  return time > dt ? last + (dt / time) * change : target;
-}
-
 Eigen::VectorXd jointSpeeds(const Eigen::MatrixXd& jacobian, const Twist<Base>& twist) {
   const Eigen::Matrix<double, 6, 1> wanted = stacked(twist);
   if (wanted.isZero(0.0)) return Eigen::VectorXd::Zero(jacobian.cols());

@@ -10,15 +10,6 @@
 
 namespace servocal::robot {
 
-inline Twist<Base> operator*(double factor, const Twist<Base>& twist) {
-  return {factor * twist.linear_mps, factor * twist.angular_radps};
-}
-inline Twist<Base> operator+(const Twist<Base>& a, const Twist<Base>& b) {
-  return {a.linear_mps + b.linear_mps, a.angular_radps + b.angular_radps};
-}
-inline Twist<Base> operator-(const Twist<Base>& a, const Twist<Base>& b) {
-  return {a.linear_mps - b.linear_mps, a.angular_radps - b.angular_radps};
-}
 inline Eigen::Matrix<double, 6, 1> stacked(const Twist<Base>& twist) {
   Eigen::Matrix<double, 6, 1> both;
   both << twist.linear_mps, twist.angular_radps;
@@ -39,13 +30,6 @@ double speedUse(const Twist<Base>& twist, const Eigen::Matrix3d& bRe, const Body
 
 /// Seconds of full braking that take the twist to rest while it keeps its direction.
 double brakingTime(const Twist<Base>& twist, const MotionLimits& limits);
-
-/// The twist after braking for dt seconds along its own direction.
-Twist<Base> braked(const Twist<Base>& twist, double dt, const MotionLimits& limits);
-
-/// As far from `last` towards `target` as the acceleration limits allow in dt seconds.
-Twist<Base> ramped(const Twist<Base>& last, const Twist<Base>& target, double dt,
-                   const MotionLimits& limits);
 
 /// Joint speeds (least norm) that make this twist, rad/s. Infinite where the arm cannot make it, that is
 /// at a singularity.

@@ -12,19 +12,18 @@ constexpr double kStepM = 0.03;        // Of a rehearsal.
 constexpr double kStepRad = 0.1;
 constexpr double kJumpRad = 0.8;       // Farther than this in one such step is another posture of the arm.
 
-// Speed at which to be at this distance: braking at a constant rate that ends in an exponential.
-double speedAt(double distance, double limit, double acceleration, double gain) {
-  const double linear_zone = acceleration / (gain * gain);
-  if (distance <= linear_zone) return std::min(limit, gain * distance);
-  return std::min(limit, std::sqrt(2.0 * acceleration * (distance - 0.5 * linear_zone)));
-}
-
 Eigen::Vector3d turnFromTo(const Pose<Base, EndEffector>& from, const Pose<Base, EndEffector>& to) {
   const Eigen::Matrix3d turn = to.rotation() * from.rotation().transpose();
   return Pose<Base, Base>(turn, Eigen::Vector3d::Zero()).rotationVector();
 }
 
 }  // namespace
+
+double speedAt(double distance, double limit, double acceleration, double gain) {
+  const double linear_zone = acceleration / (gain * gain);
+  if (distance <= linear_zone) return std::min(limit, gain * distance);
+  return std::min(limit, std::sqrt(2.0 * acceleration * (distance - 0.5 * linear_zone)));
+}
 
 double approachGain(double distance_m, double angle_rad, const MotionLimits& limits, double gain_per_s,
                     double share) {
@@ -60,6 +59,7 @@ std::optional<WayObjection> rehearse(const robot::Guard& guard, const RobotState
   const int steps = std::max(1, static_cast<int>(std::ceil(std::max(way.norm() / kStepM, turn.norm() / kStepRad))));
   Eigen::VectorXd q = from.q;
   bool was_free = guard.allows(from.bMe);  // An arm that starts in a box may leave it.
+  bool links_were_free = guard.allows(from.q);
   for (int step = 1; step <= steps; ++step) {
     const double share = static_cast<double>(step) / steps;
     const auto rotation = Pose<Base, Base>::fromRotationVector(share * turn, Eigen::Vector3d::Zero());
@@ -77,6 +77,9 @@ std::optional<WayObjection> rehearse(const robot::Guard& guard, const RobotState
           q[joint] > guard.kinematics().upper()[joint] - margin)
         return WayObjection{false, "The straight way to the goal leads joint " +
                                        std::to_string(joint + 1) + " into its limit."};
+    const std::optional<std::string> contact = guard.objection(q);  // Of the links: the rest is known.
+    if (contact && links_were_free) return WayObjection{step == steps, *contact};
+    links_were_free = links_were_free || !contact;
   }
   return std::nullopt;
 }

@@ -10,6 +10,9 @@
 
 namespace servocal::servo {
 
+/// Speed at which to be at this distance from a stop: braking at a constant rate that ends in an exponential.
+double speedAt(double distance, double limit, double acceleration, double gain_per_s);
+
 /// What to multiply a remaining distance (m, rad, kept in proportion) by to get the speed: the limits far
 /// away, constant braking nearer, and an exponential end with `gain_per_s`. `share` scales the speed
 /// limits.

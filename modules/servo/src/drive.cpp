@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "approach.h"
+#include "divergence.h"
 #include "motion_loop.h"
 #include "point_servo.h"
 #include "trail.h"
@@ -54,7 +55,7 @@ void requireUsable(const std::vector<Eigen::Vector3d>& points_o, const Pose<Colo
 }
 
 std::string sentence(const char* format, double a, double b = 0.0) {
-  char text[200];
+  char text[240];
   std::snprintf(text, sizeof text, format, a, b);
   return text;
 }
@@ -177,6 +178,11 @@ class Run {
     if (verdict.rule == GuardRule::kOperatorStop) return end(DriveStatus::kStopped, verdict.reason);
     if (verdict.rule == GuardRule::kStaleFrame) return std::nullopt;  // The next step calls it a loss.
     if (refusals_.lasted(verdict, now)) return end(DriveStatus::kLimit, verdict.reason);
+    if (seen_now_ && divergence_.grew(last_->stamp, errorPx(), !verdict.refused() && !slow(verdict.applied)))
+      return end(DriveStatus::kLimit,
+                 sentence("The arm obeys, yet the target moves away from the goal, from %.0f to %.0f px: the mount of "
+                          "the target, a sign or a frame is wrong, or somebody moved target or camera.",
+                          divergence_.leastPx(), errorPx()));
     if (!isSettled(now, state, verdict)) return std::nullopt;
     const double error = errorPx();
     if (error <= options_.reached_px)
@@ -234,11 +240,12 @@ class Run {
     return {gain * whole.linear_mps, gain * whole.angular_radps};
   }
 
+  bool slow(const Twist<Base>& twist) const {
+    return twist.linear_mps.norm() < options_.settled_speed_mps &&
+           twist.angular_radps.norm() < options_.settled_rate_radps;
+  }
+
   bool isSettled(Instant now, const RobotState& state, const GuardVerdict& verdict) {
-    const auto slow = [this](const Twist<Base>& twist) {
-      return twist.linear_mps.norm() < options_.settled_speed_mps &&
-             twist.angular_radps.norm() < options_.settled_rate_radps;
-    };
     if (!seen_now_) return false;  // A missed frame says nothing about the arm.
     const bool moves = verdict.refused() || !slow(verdict.applied) || !slow(state.twist);
     if (phase_ != Phase::kServo || moves) {
@@ -262,6 +269,7 @@ class Run {
     if (losses_ >= options_.lost_tries)
       return end(DriveStatus::kTargetLost, sentence("The target was lost %.0f times on the way.", losses_));
     refusals_.reset();
+    divergence_.reset();
     retreat_ended_.reset();
     phase_ = flange_goal_ ? Phase::kForward : Phase::kServo;
     return std::nullopt;
@@ -343,6 +351,7 @@ class Run {
   std::optional<Instant> border_since_;
   std::optional<Instant> retreat_ended_;
   RefusalTimer refusals_;
+  DivergenceWatch divergence_;
   Trail trail_;
 };
 

@@ -79,7 +79,9 @@ void SimulatedArm::catchUp() {
 }
 
 Vector6d SimulatedArm::wantedSpeed(Instant instant) const {
-  if (instant >= command_end_ || command_.isZero() || protective_stop_) return Vector6d::Zero();
+  if (instant >= command_end_ || protective_stop_) return Vector6d::Zero();
+  if (joint_command_) return joint_command_->cwiseMax(-max_speed_radps_).cwiseMin(max_speed_radps_);
+  if (command_.isZero()) return Vector6d::Zero();
   Vector6d twist;
   twist << command_.linear_mps, command_.angular_radps;
   const Matrix6d jacobian = nominal_.jacobian(ticks_.back().q);
@@ -205,12 +207,22 @@ void SimulatedArm::move(robot::MotionKey, const Twist<Base>& twist, Duration val
   if (!twist.isFinite()) throw std::invalid_argument("SimulatedArm::move: the twist is not finite");
   catchUp();
   command_ = twist;
+  joint_command_.reset();
+  command_end_ = clock_.now() + valid_for;
+}
+
+void SimulatedArm::moveJoints(robot::MotionKey, const Eigen::VectorXd& speeds_radps, Duration valid_for) {
+  if (speeds_radps.size() != 6 || !speeds_radps.allFinite())
+    throw std::invalid_argument("SimulatedArm::moveJoints: expected six finite speeds");
+  catchUp();
+  joint_command_ = speeds_radps;
   command_end_ = clock_.now() + valid_for;
 }
 
 void SimulatedArm::stop(robot::MotionKey) {
   catchUp();
   command_ = {};
+  joint_command_.reset();
 }
 
 }  // namespace servocal::sim

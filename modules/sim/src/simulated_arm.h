@@ -28,6 +28,7 @@ class SimulatedArm final : public robot::Arm {
   RobotState state() override;
   RobotState stateAt(Instant stamp) override;
   void move(robot::MotionKey, const Twist<Base>& twist, Duration valid_for) override;
+  void moveJoints(robot::MotionKey, const Eigen::VectorXd& speeds_radps, Duration valid_for) override;
   void stop(robot::MotionKey) override;
 
   /// The true bMe at an instant of the last two seconds.
@@ -64,6 +65,7 @@ class SimulatedArm final : public robot::Arm {
   std::uint64_t noise_seed_;
   std::deque<Tick> ticks_;  ///< Of the last seconds; never empty.
   Twist<Base> command_;
+  std::optional<Vector6d> joint_command_;  ///< Instead of the twist.
   Instant command_end_{};
   std::optional<std::string> protective_stop_;
 };

@@ -37,7 +37,8 @@ SimulatedCamera::SimulatedCamera(SimulatedClock& clock, Scene& scene, const Came
   info_.name = camera.name;
   info_.model = camera.infrared ? "simulated RGB-D camera" : "simulated color camera";
   info_.serial = "sim-" + camera.name + "-" + std::to_string(seed);
-  info_.streams = {{Stream::kColor, camera.width_px, camera.height_px, simulated.rate_hz}};
+  const bool exclusive = camera.infrared && camera.infrared->excludes_color;
+  info_.streams = {{Stream::kColor, camera.width_px, camera.height_px, simulated.rate_hz, exclusive}};
   if (truth_.infrared) {
     const SimulatedInfraredConfig& infrared = truth_.infrared->config;
     infrared_schedule_.emplace(infrared, truth_.infrared->phase_s, faults_.late_s,
@@ -45,7 +46,7 @@ SimulatedCamera::SimulatedCamera(SimulatedClock& clock, Scene& scene, const Came
                                Random(seed, "infrared delivery " + camera.name).bits());
     const auto add = [&](Stream stream) {
       info_.streams.push_back(
-          {stream, camera.infrared->width_px, camera.infrared->height_px, infrared.rate_hz});
+          {stream, camera.infrared->width_px, camera.infrared->height_px, infrared.rate_hz, exclusive});
     };
     add(Stream::kInfrared);
     if (truth_.infrared->depth) add(Stream::kDepth);

@@ -191,6 +191,19 @@ TEST(DriveFaults, AWallOnTheWayIsALimit) {
   EXPECT_TRUE(unknown.guard->allows(unknown.arm.state().bMe));
 }
 
+// The mount turned by half a turn about the board's normal: every motion in the image plane goes the wrong way.
+TEST(DriveFaults, AWrongSignIsNoticedBeforeTheTargetIsLost) {
+  Bench bench;
+  CellEstimate cell = bench.truth(false);
+  cell.eMo = bench.eMo * Pose<Board, Board>::fromRotationVector({0, 0, M_PI}, Eigen::Vector3d::Zero());
+  const DriveOutcome outcome = bench.drive(Bench::view({0.06, -0.03, 0.6}, {0, 0, 0}), cell);
+  EXPECT_EQ(outcome.status, DriveStatus::kLimit) << outcome.reason;
+  EXPECT_NE(outcome.reason.find("a sign or a frame is wrong"), std::string::npos) << outcome.reason;
+  EXPECT_EQ(outcome.losses, 0);
+  EXPECT_LT(toSeconds(outcome.elapsed), 2.0);
+  EXPECT_TRUE(bench.arm.state().twist.isZero());
+}
+
 TEST(DriveFaults, RefusesGoalsOutOfReachAndOutOfTheImageBeforeMoving) {
   Bench bench;
   const DriveOutcome far = bench.drive(Bench::view({0, 0, 3.0}, {0, 0, 0}), bench.truth(true));

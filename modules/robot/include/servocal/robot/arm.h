@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <Eigen/Core>
 #include <string>
 
 #include "servocal/core/clock.h"
@@ -39,6 +40,8 @@ class Arm {
   /// Moves the end effector with this twist until the next command, at most for `valid_for`; then the
   /// arm brakes by itself.
   virtual void move(MotionKey, const Twist<Base>& twist, Duration valid_for) = 0;
+  /// The same with speeds of the joints, rad/s.
+  virtual void moveJoints(MotionKey, const Eigen::VectorXd& speeds_radps, Duration valid_for) = 0;
   /// Brakes to a stop.
   virtual void stop(MotionKey) = 0;
 };

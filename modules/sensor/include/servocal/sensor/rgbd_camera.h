@@ -28,6 +28,7 @@ struct StreamMode {
   int width_px = 0;
   int height_px = 0;
   double rate_hz = 0.0;
+  bool exclusive = false;  ///< Cannot run together with the camera's other exclusive streams.
 };
 
 struct CameraInfo {
@@ -44,6 +45,7 @@ class RgbdCamera {
   virtual const CameraInfo& info() const = 0;
   /// The newest frame of the stream that was not handed out before; waits for one until `deadline`.
   /// Older frames that nobody fetched are dropped. Nothing if none came.
+  /// An exclusive stream is switched on first if another one was running: then frames take longer to come.
   /// @throws Error (kHardwareAbsent) if the camera is gone.
   virtual std::optional<Frame> next(Stream stream, Instant deadline) = 0;
 };
