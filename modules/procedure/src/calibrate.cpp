@@ -100,6 +100,9 @@ CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, sess
     if (Eye* infrared = run.find(camera.camera, Stream::kInfrared)) {
       addCoverage(camera.camera, *infrared, camera.infrared_coverage, had_turn, result.missing);
       camera.tilt_limits.insert(camera.tilt_limits.end(), infrared->tilt_limits.begin(), infrared->tilt_limits.end());
+      if (const auto trouble = infrared->depthTrouble()) {
+        result.missing.push_back("depth of " + camera.camera + ": " + *trouble);
+      }
     }
   }
   result.goal_met = result.missing.empty();

@@ -71,4 +71,16 @@ void Eye::note(const RobotState& robot, const BoardDetection& detection) {
   if (!sighting || from_centre_px < sighting->from_centre_px) sighting = Sighting{robot, from_centre_px};
 }
 
+void Eye::noteDepth(const std::string& reason) {
+  ++depths_;
+  if (reason.empty()) return;
+  ++depth_failures_;
+  depth_reason_ = reason;
+}
+
+std::optional<std::string> Eye::depthTrouble() const {
+  if (2 * depth_failures_ <= depths_) return std::nullopt;
+  return depth_reason_;
+}
+
 }  // namespace servocal::procedure

@@ -57,6 +57,11 @@ class Eye {
   /// Keeps the sighting nearest to the image centre.
   void note(const RobotState& robot, const BoardDetection& detection);
 
+  /// How measuring the board's depth went at a stop: empty, or what was wrong.
+  void noteDepth(const std::string& reason);
+  /// What was wrong with the depth at most stops; nothing if it was well at most of them.
+  std::optional<std::string> depthTrouble() const;
+
   coverage::Coverage coverage;
   std::vector<TiltLimit> tilt_limits;
   std::optional<Sighting> sighting;
@@ -70,6 +75,8 @@ class Eye {
   BoardObserver observer_;
   std::optional<Pose<Base, Color>> bMc_;
   std::optional<HandEyeSolution> hand_eye_;
+  int depths_ = 0, depth_failures_ = 0;
+  std::string depth_reason_;  ///< Of the last failure.
 };
 
 }  // namespace servocal::procedure

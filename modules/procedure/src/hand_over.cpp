@@ -9,7 +9,7 @@ std::optional<std::string> handOver(Run& run, Eye& eye) {
     return "it never saw the board; point it at the space the arm reaches, or give it a start pose";
   }
   if (!eye.bMc()) {
-    if (auto blocked = run.moveTo(eye.sighting->robot.bMe)) return blocked;
+    if (auto blocked = run.travelTo(eye.sighting->robot.bMe)) return blocked;
     if (!run.observe("find", eye) || !eye.bMc()) return "the board was seen in passing, but not at rest";
     return std::nullopt;
   }
@@ -18,11 +18,7 @@ std::optional<std::string> handOver(Run& run, Eye& eye) {
   std::string why = "the arm reaches no view that faces it";
   for (const double distance_m : {1.1 * near_m, 1.4 * near_m, 1.7 * near_m, 2.0 * near_m}) {
     const Pose<Color, Board> cMo_facing(Eigen::Matrix3d::Identity(), {0, 0, distance_m});
-    const auto bMe = run.flangeFor(eye, cMo_facing);
-    const auto q = run.guard().kinematics().inverse(bMe, run.guard().state().q, run.guard().limits().joint_margin_rad);
-    if (!q || !run.guard().allows(*q)) continue;
-    const auto blocked = run.moveTo(bMe);
-    if (blocked) {
+    if (const auto blocked = run.travelTo(run.flangeFor(eye, cMo_facing))) {
       why = *blocked;
       continue;
     }

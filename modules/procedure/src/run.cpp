@@ -7,6 +7,8 @@
 #include "servocal/calib/board_pose.h"
 #include "servocal/calib/intrinsics.h"
 #include "servocal/core/error.h"
+#include "servocal/robot/path_planner.h"
+#include "servocal/servo/follow_path.h"
 #include "stop.h"
 
 namespace servocal::procedure {
@@ -14,6 +16,7 @@ namespace {
 
 constexpr double kStillM = 0.0005;  // the arm may drift this much while a stop's frames are taken
 constexpr double kStillRad = 0.001;
+constexpr double kCameraRadiusM = 0.2;  // kept clear around a camera
 constexpr int kMinViewsForIntrinsics = 5;
 constexpr double kDriveMarginOfHeight = 0.0075;  // between the squares and the image border on the way: 8 px of 1080
 constexpr Duration kLookOnPeriod = std::chrono::milliseconds(330);
@@ -150,6 +153,16 @@ std::optional<std::string> Run::moveTo(const Pose<Base, EndEffector>& bMe) {
   return std::nullopt;
 }
 
+std::optional<std::string> Run::travelTo(const Pose<Base, EndEffector>& bMe) {
+  throwIfStopped();
+  const robot::Plan plan = robot::planTo(guard(), guard().state().q, bMe);
+  if (plan.path.empty()) return plan.reason;
+  const servo::DriveOutcome outcome = servo::followPath(guard(), clock(), plan.path);
+  throwIfStopped();
+  if (outcome.status != DriveStatus::kReached) return outcome.reason;
+  return std::nullopt;
+}
+
 void Run::lookOn() {
   if (clock().now() < last_look_on_ + kLookOnPeriod) return;
   last_look_on_ = clock().now();
@@ -211,7 +224,16 @@ std::optional<std::string> Run::updateBelief(Eye& eye) {
   }
   eye.believe(*std::move(outcome.solution));
   guard().setBoard(eMo_);
+  keepClearOfCameras();
   return std::nullopt;
+}
+
+void Run::keepClearOfCameras() {
+  std::vector<robot::Sphere> cameras;
+  for (const Eye& eye : eyes_) {
+    if (eye.stream() == Stream::kColor && eye.handEye()) cameras.push_back({eye.camera(), eye.bMc()->translation(), kCameraRadiusM});
+  }
+  guard().setObstacles(cameras);
 }
 
 void Run::believeFromMount(Eye& eye) {

@@ -37,6 +37,9 @@ class Run {
   Visit visit(const std::string& stage, Eye& eye, const Pose<Color, Board>& cdMo, servo::DriveOptions options = {});
   /// Moves the flange straight to a pose, on robot states alone; a sentence if it did not get there.
   std::optional<std::string> moveTo(const Pose<Base, EndEffector>& bMe);
+  /// Brings the flange to a pose on a way round what is there, in whichever posture of the arm; a sentence if
+  /// there is no way or it did not get there.
+  std::optional<std::string> travelTo(const Pose<Base, EndEffector>& bMe);
   /// Lets the eyes that do not know where they stand look, at most three times a second, and note where they
   /// saw the board.
   void lookOn();
@@ -73,6 +76,7 @@ class Run {
   void throwIfStopped() const;
   std::vector<Eye*> lookersBeside(Eye& wanted, bool excluded_streams);
   void believeFromMount(Eye& eye);
+  void keepClearOfCameras();
 
   const CellConfig& cell_;
   Devices devices_;

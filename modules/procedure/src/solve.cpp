@@ -9,6 +9,7 @@
 
 #include "servocal/calib/board_pose.h"
 #include "servocal/calib/camera_pair.h"
+#include "servocal/calib/depth_distortion.h"
 #include "stream_solver.h"
 
 namespace servocal::procedure {
@@ -41,6 +42,36 @@ void solveInfrared(const BoardSpec& board, const std::vector<Observation>& obser
     result.color_infrared = *std::move(pair.solution);
   } else {
     missing.push_back("pose of infrared in color of " + result.camera + ": " + calib::toString(pair.status));
+  }
+}
+
+/// Where robot and hand-eye say the board was: better than one small image alone can say (docs/depth.md).
+std::map<std::int64_t, Pose<Infrared, Board>> boardPosesByRobot(const std::vector<Observation>& observations,
+                                                                const std::optional<HandEyeSolution>& hand_eye) {
+  std::map<std::int64_t, Pose<Infrared, Board>> poses;
+  if (!hand_eye || hand_eye->mount != Mount::kFixed) return poses;
+  const Pose<Base, Infrared> bMi(hand_eye->camera_pose);
+  const Pose<EndEffector, Board> eMo(hand_eye->board_pose);
+  for (const Observation& observation : observations) {
+    if (observation.robot) poses.emplace(observation.id, bMi.inverse() * observation.robot->bMe * eMo);
+  }
+  return poses;
+}
+
+void solveDepth(const BoardSpec& board, const std::vector<Observation>& observations, const SolveOptions& options,
+                CameraResult& result, std::vector<std::string>& missing) {
+  const auto sensor = options.depth_sensors.find(result.camera);
+  if (sensor == options.depth_sensors.end() || !result.infrared) return;
+  calib::DepthOptions depth_options;
+  depth_options.board_poses = boardPosesByRobot(observations, result.infrared_hand_eye);
+  depth_options.board_pose_sigma_m = options.robot_sigma_m;
+  depth_options.board_pose_sigma_rad = options.robot_sigma_rad;
+  auto outcome =
+      calib::solveDepth(board, result.infrared->camera, observations, result.camera, sensor->second, depth_options);
+  if (outcome.result) {
+    result.depth = *std::move(outcome.result);
+  } else {
+    missing.push_back("depth of " + result.camera + ": " + outcome.reason);
   }
 }
 
@@ -118,6 +149,7 @@ CalibrationResult solve(const BoardSpec& board, const std::vector<Observation>& 
     if (with_infrared.count(camera) > 0) {
       solveInfrared(board, observations, has_robot, options, *solved, result.missing);
     }
+    solveDepth(board, observations, options, *solved, result.missing);
     solved->held_out = holdOut(board, kept, *solved);
     result.cameras.push_back(*std::move(solved));
   }

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <map>
 
+#include "servocal/board/depth.h"
+
 namespace servocal::procedure {
 namespace {
 
@@ -116,7 +118,7 @@ bool isStill(const StopView& view) {
   return *middle < kStillPx;
 }
 
-StreamObservation toObservation(const StopView& stop, const BoardSpec&) {
+StreamObservation toObservation(const StopView& stop, const BoardSpec& board) {
   StreamObservation view;
   view.camera = stop.eye->camera();
   view.stream = stop.eye->stream();
@@ -125,6 +127,13 @@ StreamObservation toObservation(const StopView& stop, const BoardSpec&) {
   view.width_px = stop.first_frame->image.cols;
   view.height_px = stop.first_frame->image.rows;
   view.detection = average(stop.detections);
+  if (!stop.depth.empty()) {
+    std::vector<cv::Mat> frames;
+    for (const sensor::Frame& frame : stop.depth) frames.push_back(frame.image);
+    auto measured = board::measureBoardDepth(frames, view.detection, board, stop.eye->model());
+    view.depth = std::move(measured.depth);
+    stop.eye->noteDepth(view.depth ? "" : measured.reason);
+  }
   return view;
 }
 

@@ -27,7 +27,8 @@ std::vector<StopView> gatherStop(Clock& clock, const std::vector<Eye*>& eyes, In
 /// True if the corners stayed where they were from the first to the last frame.
 bool isStill(const StopView& view);
 
-/// The view as it goes into an observation: detections averaged, depth measured.
+/// The view as it goes into an observation: detections averaged, depth measured. What is wrong with the depth is
+/// left with the eye.
 StreamObservation toObservation(const StopView& view, const BoardSpec& board);
 
 }  // namespace servocal::procedure
