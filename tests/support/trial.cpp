@@ -36,6 +36,45 @@ double boardPointErrorM(const CameraResult& camera, const BoardSpec& board, cons
   return std::sqrt(sum / board.cornerCount());
 }
 
+/// RMS over the image of what is left of the depth error; nothing without ranges.
+std::optional<double> depthErrorM(const sim::Truth& truth, const std::string& camera, const DepthModel& model,
+                                  bool corrected, double near_m, double far_m) {
+  if (far_m <= near_m) return std::nullopt;
+  double sum = 0.0;
+  int count = 0;
+  for (int i = 0; i < 8 * 6 * 5; ++i) {
+    const Eigen::Vector2d pixel((i % 8 + 0.5) / 8 * model.camera.width_px - 0.5,
+                                (i / 8 % 6 + 0.5) / 6 * model.camera.height_px - 0.5);
+    const double z_m = near_m + (far_m - near_m) * (i / 48) / 4;
+    const double measured_m = truth.measuredDepth(camera, pixel, z_m);
+    const auto corrected_m = corrected ? model.correct(pixel, measured_m) : std::optional(measured_m);
+    if (!corrected_m) continue;
+    sum += (*corrected_m - z_m) * (*corrected_m - z_m);
+    ++count;
+  }
+  return std::sqrt(sum / count);
+}
+
+CameraErrors errorsOf(const sim::Truth& truth, const CameraResult& camera) {
+  CameraErrors errors;
+  errors.camera = camera.camera;
+  const Pose<Base, Color> bMc(camera.hand_eye->camera_pose), true_bMc = truth.bMc(camera.camera);
+  errors.pose_m = distanceM(bMc, true_bMc);
+  errors.pose_rad = angleRad(bMc, true_bMc);
+  if (camera.color_infrared) {
+    const Pose<Color, Infrared> cMi(camera.color_infrared->first_by_second), true_cMi = truth.cMi(camera.camera);
+    errors.infrared_m = distanceM(cMi, true_cMi);
+    errors.infrared_rad = angleRad(cMi, true_cMi);
+  }
+  if (camera.depth) {
+    const DepthModel& model = camera.depth->model;
+    errors.depth_before_m = depthErrorM(truth, camera.camera, model, false, model.near_m, model.far_m);
+    errors.depth_after_m = depthErrorM(truth, camera.camera, model, true, model.near_m, model.far_m);
+    errors.depth_beyond_m = depthErrorM(truth, camera.camera, model, true, model.far_m, 1.5);
+  }
+  return errors;
+}
+
 }  // namespace
 
 Trial runTrial(const CellConfig& cell, std::uint64_t seed, const std::filesystem::path& folder) {
@@ -62,6 +101,9 @@ Trial runTrial(const CellConfig& cell, std::uint64_t seed, const std::filesystem
 
   // From here on the truth is read, after the run has ended.
   const sim::Truth truth(simulation);
+  for (const CameraResult& camera : trial.result.cameras) {
+    if (camera.hand_eye) trial.errors.push_back(errorsOf(truth, camera));
+  }
   const std::string& name = cell.cameras.front().name;
   const ReachableCells reachable = reachableCells(cell, truth, name);
   trial.cells = static_cast<int>(reachable.cells.size());

@@ -55,6 +55,8 @@ int fill(Run& run, Eye& eye, coverage::Coverage& coverage, const plan::PlanOptio
 
     tried.push_back(next.view->cdMo);  // The same view again would add corners, but nothing new.
     if (next.view->via_start && run.moveTo(run.guard().kinematics().forward(start_q))) continue;
+    // The servo needs to see the board; another eye's last view may be out of this one's image.
+    if (!eye.shouldSee(run.guard().state().bMe, run.eMo(eye)) && run.moveTo(next.view->bMe)) continue;
     const int deficit = coverage.deficit();
     const Run::Visit visit = run.visit(stage, eye, next.view->cdMo);
     if (visit.observation) {

@@ -9,7 +9,8 @@ namespace {
 
 // Where the belief is rough, a board predicted this far outside the image may still be inside.
 constexpr double kRoughPx = 60.0;
-constexpr double kLeastCosine = 0.15;  // of the angle to the line of sight: nearly edge on
+constexpr double kEdgeOn = 0.15;  // cosine of the angle to the line of sight
+constexpr double kSureOfHeight = 0.015, kSureCosine = 0.5;
 
 coverage::Coverage emptyCoverage(const CellConfig& cell, const CameraConfig& camera, Stream stream) {
   CoverageConfig config = cell.coverage;
@@ -46,12 +47,21 @@ std::optional<Pose<Color, Board>> Eye::predict(const Pose<Base, EndEffector>& bM
 bool Eye::mightSee(const Pose<Base, EndEffector>& bMe,
                    const std::optional<Pose<EndEffector, Board>>& eMo) const {
   const auto cMo = predict(bMe, eMo);
-  if (!cMo) return true;
-  if (cMo->rotation().col(2).dot(cMo->translation().normalized()) < kLeastCosine) return false;
+  return !cMo || isShown(*cMo, -kRoughPx, kEdgeOn);
+}
+
+bool Eye::shouldSee(const Pose<Base, EndEffector>& bMe,
+                    const std::optional<Pose<EndEffector, Board>>& eMo) const {
+  const auto cMo = predict(bMe, eMo);
+  return cMo && isShown(*cMo, kSureOfHeight * model().height_px, kSureCosine);
+}
+
+bool Eye::isShown(const Pose<Color, Board>& cMo, double margin_px, double least_cosine) const {
+  if (cMo.rotation().col(2).dot(cMo.translation().normalized()) < least_cosine) return false;
   const auto outline = board_.patternOutline();
   return std::all_of(outline.begin(), outline.end(), [&](const Eigen::Vector3d& point) {
-    const auto pixel = model().project(*cMo * point);
-    return pixel && model().contains(*pixel, -kRoughPx);
+    const auto pixel = model().project(cMo * point);
+    return pixel && model().contains(*pixel, margin_px);
   });
 }
 

@@ -52,6 +52,9 @@ class Eye {
   /// False if the board is surely not in this eye's image, or turned away.
   bool mightSee(const Pose<Base, EndEffector>& bMe, const std::optional<Pose<EndEffector, Board>>& eMo) const;
 
+  /// True if the whole board should be in this eye's image with room around it, turned towards it.
+  bool shouldSee(const Pose<Base, EndEffector>& bMe, const std::optional<Pose<EndEffector, Board>>& eMo) const;
+
   /// Counts a settled view.
   void count(const StreamObservation& view);
   /// Keeps the sighting nearest to the image centre.
@@ -68,6 +71,8 @@ class Eye {
   int views = 0;  ///< Settled ones.
 
  private:
+  bool isShown(const Pose<Color, Board>& cMo, double margin_px, double least_cosine) const;
+
   CameraConfig camera_;
   BoardSpec board_;
   sensor::RgbdCamera& device_;

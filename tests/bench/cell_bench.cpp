@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Calibrates a whole cell of several RGB-D cameras over seeds and prints every camera against the truth.
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "trial.h"
+
+namespace {
+
+constexpr double kDegPerRad = 180.0 / M_PI;
+
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values.empty() ? std::nan("") : values[values.size() / 2];
+}
+
+/// Columns of the table by camera, over all seeds.
+struct Columns {
+  std::map<std::string, std::vector<double>> values;
+  void add(const std::string& column, double value) {
+    if (std::isfinite(value)) values[column].push_back(value);
+  }
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  using namespace servocal;
+  CLI::App cli("Calibrates a simulated cell of several cameras over seeds; prints every camera against the truth.",
+               "cell_bench");
+  int seeds = 10, first_seed = 1;
+  std::string cell_file;
+  cli.add_option("--seeds", seeds, "How many")->capture_default_str();
+  cli.add_option("--first", first_seed, "The first one")->capture_default_str();
+  cli.add_option("--cell", cell_file, "Cell file; the default cell if not given");
+  CLI11_PARSE(cli, argc, argv);
+
+  const CellConfig cell = cell_file.empty() ? defaultCell() : loadCell(cell_file);
+  const auto folder = std::filesystem::temp_directory_path() / ("servocal-cell-bench-" + std::to_string(getpid()));
+  std::printf("seed goal  obs motion_s tilt_s lost cpu_s | camera  pose_mm pose_deg  cMi_mm cMi_deg  depth_mm before  after"
+              " beyond | held-out px    mm\n");
+  std::map<std::string, Columns> by_camera;
+  std::vector<double> motion_s, tilt_s, cpu_s;
+  int met = 0;
+  for (int seed = first_seed; seed < first_seed + seeds; ++seed) {
+    std::filesystem::remove_all(folder);
+    const test::Trial trial = test::runTrial(cell, static_cast<std::uint64_t>(seed), folder);
+    met += trial.result.goal_met;
+    motion_s.push_back(trial.result.motion_time_s);
+    tilt_s.push_back(trial.result.tilt_time_s);
+    cpu_s.push_back(trial.cpu_s);
+    std::printf("%4d %4s %4d %8.1f %6.1f %4d %5.0f |\n", seed, trial.result.goal_met ? "yes" : "no",
+                trial.result.observations, trial.result.motion_time_s, trial.result.tilt_time_s, trial.target_losses,
+                trial.cpu_s);
+    for (const test::CameraErrors& errors : trial.errors) {
+      const auto camera = std::find_if(trial.result.cameras.begin(), trial.result.cameras.end(),
+                                       [&](const CameraResult& other) { return other.camera == errors.camera; });
+      const double mm = 1e3, nothing = std::nan("");
+      const std::vector<std::pair<std::string, double>> row = {
+          {"pose_mm", errors.pose_m * mm},
+          {"pose_deg", errors.pose_rad * kDegPerRad},
+          {"cMi_mm", errors.infrared_m.value_or(nothing) * mm},
+          {"cMi_deg", errors.infrared_rad.value_or(nothing) * kDegPerRad},
+          {"depth_before_mm", errors.depth_before_m.value_or(nothing) * mm},
+          {"depth_after_mm", errors.depth_after_m.value_or(nothing) * mm},
+          {"depth_beyond_mm", errors.depth_beyond_m.value_or(nothing) * mm},
+          {"held_out_px", camera->held_out ? camera->held_out->rms_px : nothing},
+          {"held_out_mm", camera->held_out ? camera->held_out->rms_m * mm : nothing}};
+      std::printf("%42s | %-6s", "", errors.camera.c_str());
+      for (const auto& [column, value] : row) {
+        by_camera[errors.camera].add(column, value);
+        std::printf(" %8.3f", value);
+      }
+      std::printf("\n");
+    }
+    for (const std::string& missing : trial.result.missing) std::printf("     missing: %s\n", missing.c_str());
+    std::fflush(stdout);
+  }
+  std::printf("goal met %d of %d; robot time median %.0f s, worst %.0f s; tilt search median %.0f s; CPU median %.0f s\n",
+              met, seeds, median(motion_s), *std::max_element(motion_s.begin(), motion_s.end()), median(tilt_s),
+              median(cpu_s));
+  for (const auto& [camera, columns] : by_camera) {
+    std::printf("%s: median (worst)", camera.c_str());
+    for (const auto& [column, values] : columns.values) {
+      std::printf("  %s %.3f (%.3f)", column.c_str(), median(values), *std::max_element(values.begin(), values.end()));
+    }
+    std::printf("\n");
+  }
+  std::filesystem::remove_all(folder);
+}
