@@ -65,7 +65,7 @@ IN_SOURCES = {
     "calib": {"OpenCV", "Ceres"},
     "session": {"OpenCV", "SQLite", "nlohmann-json"},
     "servo": {"ViSP"},
-    "sim": {"OpenCV"},
+    "sim": {"OpenCV", "urdfdom"},
     "report": {"OpenCV", "ViSP", "nlohmann-json", "Cairo"},
     "ros2": {"Cyclone DDS", "OpenCV"},
     "live": {"httplib", "nlohmann-json"},

@@ -139,8 +139,10 @@ int ReachableCells::count() const {
 
 ReachableCells reachableCells(const CellConfig& config, const sim::Truth& truth, const std::string& camera,
                               const ReachSearch& search) {
-  const CameraModel model = truth.camera(camera);
-  const Pose<Base, Color> bMc = truth.bMc(camera);
+  const bool color = search.stream == Stream::kColor;
+  const CameraModel model = color ? truth.camera(camera) : truth.infrared(camera);
+  Pose<Base, Color> bMc = truth.bMc(camera);
+  if (!color) bMc = Pose<Base, Color>((bMc * truth.cMi(camera)).isometry());
   const Pose<Board, EndEffector> oMe = truth.eMo().inverse();
   const double cell_width = static_cast<double>(model.width_px) / config.coverage.cells_x;
   const double cell_height = static_cast<double>(model.height_px) / config.coverage.cells_y;

@@ -14,7 +14,7 @@ namespace servocal::test {
 
 /// A board pose that fills an image cell.
 struct FillingView {
-  Pose<Color, Board> cMo;
+  Pose<Color, Board> cMo;       ///< In the camera of ReachSearch::stream.
   Eigen::VectorXd q;            ///< Joint angles that take the board there, rad.
   int corners_in_cell = 0;
 };
@@ -34,6 +34,7 @@ struct ReachSearch {
   double nearest_m = 0.35;   ///< Distance of the board's centre along the optical axis.
   double farthest_m = 0.90;
   double max_tilt_rad = 0.70;
+  Stream stream = Stream::kColor;  ///< Whose image; a depth camera's own range is not asked for.
 };
 
 /// For every image cell of `config.coverage`: is there a board pose with all corners inside the image

@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "servocal/core/error.h"
+#include "ur5.h"
 
 namespace servocal::sim {
 namespace {
@@ -23,14 +24,15 @@ constexpr double kDamping = 0.05;
 Instant timeOf(std::int64_t index) { return Instant(kTick * index); }
 std::int64_t lastTick(Instant instant) { return instant.time_since_epoch() / kTick; }
 
-// Configurations an arm of this cell may take: the flange is in the workspace box, if there is one.
-std::vector<Vector6d> configurationsIn(const Box& workspace, Random& random) {
+// Configurations the arm of this cell may take: the flange is in the workspace box, if there is one.
+std::vector<Joints> configurationsIn(const Box& workspace, const ArmChain& arm, Random& random) {
   const bool bounded = (workspace.max_m.array() > workspace.min_m.array()).all();
-  const Ur5 arm;
-  std::vector<Vector6d> configurations;
+  std::vector<Joints> configurations;
   for (int tries = 0; configurations.size() < 300 && tries < 100000; ++tries) {
-    Vector6d q;
-    for (double& angle : q) angle = random.uniform(-M_PI, M_PI);
+    Joints q(arm.joints());
+    for (int i = 0; i < arm.joints(); ++i) {
+      q[i] = random.uniform(std::max(-M_PI, arm.lower()[i]), std::min(M_PI, arm.upper()[i]));
+    }
     if (bounded && !workspace.contains(arm.forward(q).translation())) continue;
     configurations.push_back(q);
   }
@@ -40,10 +42,24 @@ std::vector<Vector6d> configurationsIn(const Box& workspace, Random& random) {
   return configurations;
 }
 
-Ur5 realArm(const CellConfig& config, std::uint64_t seed) {
+std::unique_ptr<ArmChain> realArm(const ArmChain& nominal, const CellConfig& config, std::uint64_t seed) {
   Random random(seed, "arm kinematics");
-  const auto configurations = configurationsIn(config.limits.workspace, random);
-  return Ur5::perturbed(random, config.simulation->accuracy_m, configurations);
+  const auto configurations = configurationsIn(config.limits.workspace, nominal, random);
+  return nominal.perturbed(random, config.simulation->accuracy_m, configurations);
+}
+
+// Six joints are worked out in fixed sizes: a seed of the UR5 stays the same run to the last bit.
+Vector6d twistOf(const ArmJacobian& jacobian, const Joints& speed) {
+  if (speed.size() != 6) return jacobian * speed;
+  return Matrix6d(jacobian) * Vector6d(speed);
+}
+
+double lengthOf(const Joints& step) { return step.size() == 6 ? Vector6d(step).norm() : step.norm(); }
+
+Joints dampedSolution(const ArmJacobian& jacobian, double closeness, const Vector6d& twist) {
+  const double damping = kDamping * closeness;
+  const Matrix6d squared = jacobian * jacobian.transpose() + damping * damping * Matrix6d::Identity();
+  return jacobian.transpose() * squared.partialPivLu().solve(twist);
 }
 
 Repeatability drawRepeatability(const SimulationConfig& simulation, std::uint64_t seed) {
@@ -54,19 +70,25 @@ Repeatability drawRepeatability(const SimulationConfig& simulation, std::uint64_
 }  // namespace
 
 SimulatedArm::SimulatedArm(const SimulatedClock& clock, const CellConfig& config, std::uint64_t seed)
-    : clock_(clock), info_{"UR5 (simulated)", "sim-" + std::to_string(seed), 6, 500.0 / kTicksPerReport},
-      real_(realArm(config, seed)), repeatability_(drawRepeatability(*config.simulation, seed)),
+    : clock_(clock), nominal_(makeArmChain(config.arm)), real_(realArm(*nominal_, config, seed)),
+      repeatability_(drawRepeatability(*config.simulation, seed)),
       max_speed_radps_(config.simulation->max_joint_speed_radps),
       max_acceleration_radps2_(config.simulation->max_joint_acceleration_radps2),
       noise_seed_(Random(seed, "encoders").bits()) {
-  if (config.arm.start_q.size() != 6 || !config.arm.start_q.allFinite() ||
-      config.arm.start_q.cwiseAbs().maxCoeff() > Ur5::kJointLimitRad) {
-    throw std::invalid_argument("sim::Cell: arm.start_q must be six joint angles within +-2 pi");
+  info_ = {nominal_->name() + " (simulated)", "sim-" + std::to_string(seed), nominal_->joints(),
+           500.0 / kTicksPerReport};
+  const Eigen::VectorXd& start_q = config.arm.start_q;
+  if (start_q.size() != nominal_->joints() || !start_q.allFinite() ||
+      (start_q.array() < nominal_->lower().array()).any() ||
+      (start_q.array() > nominal_->upper().array()).any()) {
+    throw std::invalid_argument("sim::Cell: arm.start_q must be " + std::to_string(nominal_->joints()) +
+                                " joint angles within the joint limits");
   }
   Random random(seed, "arm clock");
   device_clock_offset_s_ = random.uniform(100.0, 10000.0);
   Tick first;
-  first.q = config.arm.start_q;
+  first.q = start_q;
+  first.speed = Joints::Zero(start_q.size());
   // So that the first visit has an error of its own too.
   first.travelled_rad = random.uniform(0.0, 100.0);
   first.index = lastTick(clock.now());
@@ -78,21 +100,24 @@ void SimulatedArm::catchUp() {
   while (ticks_.back().index < last) step();
 }
 
-Vector6d SimulatedArm::wantedSpeed(Instant instant) const {
-  if (instant >= command_end_ || protective_stop_) return Vector6d::Zero();
-  if (joint_command_) return joint_command_->cwiseMax(-max_speed_radps_).cwiseMin(max_speed_radps_);
-  if (command_.isZero()) return Vector6d::Zero();
+Joints SimulatedArm::wantedSpeed(Instant instant) const {
+  const Joints& q = ticks_.back().q;
+  if (instant >= command_end_ || protective_stop_) return Joints::Zero(q.size());
+  if (joint_command_) return Joints(joint_command_->cwiseMax(-max_speed_radps_).cwiseMin(max_speed_radps_));
+  if (command_.isZero()) return Joints::Zero(q.size());
   Vector6d twist;
   twist << command_.linear_mps, command_.angular_radps;
-  const Matrix6d jacobian = nominal_.jacobian(ticks_.back().q);
-  const double closeness = 1.0 - std::abs(jacobian.determinant()) / kDampedBelow;
-  Vector6d speed;
-  if (closeness <= 0.0) {
-    speed = jacobian.partialPivLu().solve(twist);
-  } else {
-    const double damping = kDamping * closeness;
-    const Matrix6d squared = jacobian * jacobian.transpose() + damping * damping * Matrix6d::Identity();
-    speed = jacobian.transpose() * squared.partialPivLu().solve(twist);
+  const ArmJacobian jacobian = nominal_->jacobian(q);
+  Joints speed;
+  if (q.size() == 6) {
+    const Matrix6d square = jacobian;
+    const double closeness = 1.0 - std::abs(square.determinant()) / kDampedBelow;
+    speed = closeness <= 0.0 ? Joints(square.partialPivLu().solve(twist))
+                             : dampedSolution(jacobian, closeness, twist);
+  } else {  // The smallest joint speeds that do it; with fewer than six joints, the best there are.
+    const Matrix6d squared = jacobian * jacobian.transpose();
+    const double volume = std::sqrt(std::max(0.0, squared.determinant()));
+    speed = dampedSolution(jacobian, std::max(0.0, 1.0 - volume / kDampedBelow), twist);
   }
   const double fastest = speed.cwiseAbs().maxCoeff();
   if (fastest > max_speed_radps_) speed *= max_speed_radps_ / fastest;
@@ -104,18 +129,18 @@ void SimulatedArm::step() {
   const double dt = toSeconds(kTick);
   Tick next;
   next.index = last.index + 1;
-  Vector6d change = wantedSpeed(timeOf(last.index)) - last.speed;
+  Joints change = wantedSpeed(timeOf(last.index)) - last.speed;
   const double largest = change.cwiseAbs().maxCoeff();
   if (largest > max_acceleration_radps2_ * dt) change *= max_acceleration_radps2_ * dt / largest;
   next.speed = last.speed + change;
   next.q = last.q + 0.5 * dt * (last.speed + next.speed);
-  for (int joint = 0; joint < 6; ++joint) {
-    if (std::abs(next.q[joint]) <= Ur5::kJointLimitRad) continue;
+  for (int joint = 0; joint < nominal_->joints(); ++joint) {
+    const double low = nominal_->lower()[joint], high = nominal_->upper()[joint];
+    if (next.q[joint] >= low && next.q[joint] <= high) continue;
     if (!protective_stop_) {
       std::ostringstream message;
       message << "The simulated arm made a protective stop at " << toSeconds(timeOf(next.index))
-              << " s: joint " << joint + 1 << " reached its limit of "
-              << std::copysign(Ur5::kJointLimitRad, next.q[joint])
+              << " s: joint " << joint + 1 << " reached its limit of " << (next.q[joint] < low ? low : high)
               << " rad. Start the run again from a pose farther from the joint limits.";
       protective_stop_ = message.str();
     }
@@ -123,7 +148,7 @@ void SimulatedArm::step() {
     next.speed.setZero();
     break;
   }
-  next.travelled_rad = last.travelled_rad + (next.q - last.q).norm();
+  next.travelled_rad = last.travelled_rad + lengthOf(next.q - last.q);
   ticks_.push_back(next);
   if (static_cast<std::int64_t>(ticks_.size()) > kHistoryTicks) ticks_.pop_front();
 }
@@ -147,29 +172,28 @@ SimulatedArm::Tick SimulatedArm::tickAt(Instant instant) {
   return tick;
 }
 
-Vector6d SimulatedArm::jointsAt(Instant instant) { return tickAt(instant).q; }
+Joints SimulatedArm::jointsAt(Instant instant) { return tickAt(instant).q; }
 
 std::vector<Eigen::Isometry3d> SimulatedArm::nominalFrames(Instant instant) {
-  const auto frames = nominal_.frames(jointsAt(instant));
-  return {frames.begin(), frames.end()};
+  return nominal_->frames(jointsAt(instant));
 }
 
 Eigen::Isometry3d SimulatedArm::flangeAt(Instant instant) {
   const Tick tick = tickAt(instant);
-  return repeatability_.apply(real_.forward(tick.q), tick.travelled_rad);
+  return repeatability_.apply(real_->forward(tick.q), tick.travelled_rad);
 }
 
 RobotState SimulatedArm::report(const Tick& tick) const {
   // Noise is a function of the tick, so that reading twice, or not at all, changes nothing.
-  Vector6d q = tick.q;
+  Joints q = tick.q;
   Random noise(noise_seed_ ^ scramble(static_cast<std::uint64_t>(tick.index)), "");
   for (double& angle : q) angle += kEncoderNoiseRad * noise.normal();
-  const Vector6d twist = nominal_.jacobian(q) * tick.speed;
+  const Vector6d twist = twistOf(nominal_->jacobian(q), tick.speed);
   RobotState state;
   state.stamp = timeOf(tick.index);
   state.device_stamp_s = toSeconds(state.stamp) + device_clock_offset_s_;
   state.q = q;
-  state.bMe = Pose<Base, EndEffector>(nominal_.forward(q));
+  state.bMe = Pose<Base, EndEffector>(nominal_->forward(q));
   state.twist = {twist.head<3>(), twist.tail<3>()};
   return state;
 }
@@ -197,7 +221,7 @@ RobotState SimulatedArm::stateAt(Instant stamp) {
   state.stamp = stamp;
   state.device_stamp_s = toSeconds(stamp) + device_clock_offset_s_;
   state.q += weight * (second.q - first.q);
-  state.bMe = Pose<Base, EndEffector>(nominal_.forward(state.q));
+  state.bMe = Pose<Base, EndEffector>(nominal_->forward(state.q));
   state.twist.linear_mps += weight * (second.twist.linear_mps - first.twist.linear_mps);
   state.twist.angular_radps += weight * (second.twist.angular_radps - first.twist.angular_radps);
   return state;
@@ -212,10 +236,10 @@ void SimulatedArm::move(robot::MotionKey, const Twist<Base>& twist, Duration val
 }
 
 void SimulatedArm::moveJoints(robot::MotionKey, const Eigen::VectorXd& speeds_radps, Duration valid_for) {
-  if (speeds_radps.size() != 6 || !speeds_radps.allFinite())
-    throw std::invalid_argument("SimulatedArm::moveJoints: expected six finite speeds");
+  if (speeds_radps.size() != ticks_.back().q.size() || !speeds_radps.allFinite())
+    throw std::invalid_argument("SimulatedArm::moveJoints: expected one finite speed per joint");
   catchUp();
-  joint_command_ = speeds_radps;
+  joint_command_ = Joints(speeds_radps);
   command_end_ = clock_.now() + valid_for;
 }
 

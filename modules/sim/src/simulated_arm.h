@@ -3,19 +3,20 @@
 
 #include <cstdint>
 #include <deque>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "arm_chain.h"
 #include "repeatability.h"
 #include "servocal/core/cell_config.h"
 #include "servocal/core/clock.h"
 #include "servocal/robot/arm.h"
-#include "ur5.h"
 
 namespace servocal::sim {
 
-/// A UR5 under velocity control, on a fixed grid of 2 ms ticks. Ticks are computed when somebody asks
+/// An arm under velocity control, on a fixed grid of 2 ms ticks. Ticks are computed when somebody asks
 /// for what happened; a command acts from the next tick on.
 ///
 /// What it reports is what a controller believes (encoders and nominal kinematics, at 125 Hz); where the
@@ -34,21 +35,21 @@ class SimulatedArm final : public robot::Arm {
   /// The true bMe at an instant of the last two seconds.
   Eigen::Isometry3d flangeAt(Instant instant);
   /// Joint angles at that instant, without encoder noise.
-  Vector6d jointsAt(Instant instant);
+  Joints jointsAt(Instant instant);
   /// Base, the frame after each joint, and the flange at that instant, by nominal kinematics.
   std::vector<Eigen::Isometry3d> nominalFrames(Instant instant);
 
  private:
   struct Tick {
     std::int64_t index = 0;
-    Vector6d q = Vector6d::Zero();
-    Vector6d speed = Vector6d::Zero();
+    Joints q;
+    Joints speed;
     double travelled_rad = 0.0;  ///< Length of the joint path so far.
   };
 
   void catchUp();
   void step();
-  Vector6d wantedSpeed(Instant instant) const;
+  Joints wantedSpeed(Instant instant) const;
   Tick tickAt(Instant instant);
   RobotState report(const Tick& tick) const;
   RobotState reportAt(std::int64_t index) const;
@@ -56,8 +57,8 @@ class SimulatedArm final : public robot::Arm {
 
   const SimulatedClock& clock_;
   robot::ArmInfo info_;
-  Ur5 nominal_;
-  Ur5 real_;
+  std::unique_ptr<const ArmChain> nominal_;
+  std::unique_ptr<const ArmChain> real_;
   Repeatability repeatability_;
   double max_speed_radps_;
   double max_acceleration_radps2_;
@@ -65,7 +66,7 @@ class SimulatedArm final : public robot::Arm {
   std::uint64_t noise_seed_;
   std::deque<Tick> ticks_;  ///< Of the last seconds; never empty.
   Twist<Base> command_;
-  std::optional<Vector6d> joint_command_;  ///< Instead of the twist.
+  std::optional<Joints> joint_command_;  ///< Instead of the twist.
   Instant command_end_{};
   std::optional<std::string> protective_stop_;
 };

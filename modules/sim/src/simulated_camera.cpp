@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "background.h"
+#include "projector_dots.h"
 
 namespace servocal::sim {
 namespace {
@@ -151,7 +152,12 @@ cv::Mat SimulatedCamera::infraredImage(std::int64_t index) {
     link.to = iMc * link.to;
     link.gray *= Light::kActiveOnWall;
   }
-  return infrared_renderer_->render(iMo, links, noise);
+  const cv::Mat image = infrared_renderer_->render(iMo, links, noise);
+  const bool dots = infrared.config.projector_dots && infrared.depth &&
+                    infrared.depth->sensor() == DepthSensor::kStructuredLight;
+  if (!dots) return image;
+  const double focal_baseline = infrared.depth->focalBaseline() / faults_.depth_unit_m;
+  return withProjectorDots(image, depthImage(index), focal_baseline, seed_);
 }
 
 cv::Mat SimulatedCamera::depthImage(std::int64_t index) {

@@ -135,6 +135,30 @@ INSTANTIATE_TEST_SUITE_P(Kinects, Infrared,
                          ::testing::Values(DepthSensor::kTimeOfFlight, DepthSensor::kStructuredLight),
                          [](const auto& kinect) { return toString(kinect.param); });
 
+// A projector that is not blocked breaks the white of the board into dots.
+TEST(StructuredLightInfrared, ProjectorDots) {
+  CellConfig config = test::kinectSimCell(DepthSensor::kStructuredLight);
+  const auto roughness = [&](bool dots) {
+    auto infrared = SimulatedInfraredConfig::like(*config.cameras[0].infrared);
+    infrared.projector_dots = dots;
+    config.simulation->cameras[0].infrared = infrared;
+    Cell cell(config, 2);
+    const Truth truth(cell);
+    const cv::Mat image = frameOf(cell, Stream::kInfrared);
+    // A white square: the second of the second row of inner squares.
+    const std::vector<Eigen::Vector2d> corners =
+        truth.corners(kCamera, cell.clock().now(), Stream::kInfrared);
+    const Eigen::Vector2d middle = 0.25 * (corners[0] + corners[1] + corners[6] + corners[7]);
+    const Eigen::Vector2d white = middle + (corners[1] - corners[0]);
+    cv::Scalar mean, deviation;
+    cv::meanStdDev(image(cv::Rect(static_cast<int>(white.x()) - 5, static_cast<int>(white.y()) - 5, 10, 10)),
+                   mean, deviation);
+    return deviation[0];
+  };
+  EXPECT_LT(roughness(false), 12.0);
+  EXPECT_GT(roughness(true), 35.0);
+}
+
 // The camera's own light: a board twice as far off is darker, though the gain makes up for a part.
 TEST(ActiveLight, FallsWithDistanceAndTowardsTheCorners) {
   ActiveLight light;

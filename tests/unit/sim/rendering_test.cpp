@@ -312,9 +312,9 @@ TEST(Rendering, HighlightFollowsTheBoardsNormal) {
 TEST(Rendering, NoiseIsAsConfigured) {
   SimulatedCameraConfig camera = idealCamera();
   camera.noise_gray = 7.0;
-  Random wall(1, "test wall");
+  Random wall_random(1, "test wall");
   GrayRenderer renderer(BoardSpec{}, testLens(), flatLight(), Tones{}, camera,
-                        drawBackground(1920, 1080, /*clutter=*/false, wall));
+                        drawBackground(1920, 1080, /*clutter=*/false, wall_random));
   const Eigen::Isometry3d cMo = boardPose(0.0, 0.0, 0.6, 0.0, 0.0);
   Random random(1, "test frames");
   const cv::Mat first = renderer.render([&](double) { return cMo; }, {}, random);

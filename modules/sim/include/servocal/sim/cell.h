@@ -12,7 +12,8 @@
 
 namespace servocal::sim {
 
-/// A simulated robot cell: a UR5 holding a board, and cameras that see it, all on one simulated clock.
+/// A simulated robot cell: an arm holding a board and cameras that see it, or the other way round, all on one
+/// simulated clock.
 /// It hands out what hardware would, images and robot states, and nothing else. Every random draw comes
 /// from `seed`. Same seed and same calls, same run.
 ///
@@ -21,13 +22,15 @@ namespace servocal::sim {
 /// For one thread.
 ///
 /// The arm reports nominal kinematics; its flange really is elsewhere, by the configured accuracy (drawn
-/// once per seed) and repeatability (another at each visit). A joint that reaches +-2 pi is a protective
-/// stop: state() throws from then on. Cameras deliver the color stream as CV_8UC1, the scene is without
-/// color; `device_stamp_s` of arm and cameras each have an offset of their own.
+/// once per seed) and repeatability (another at each visit). A joint that reaches its limit is a protective
+/// stop: state() throws from then on. Cameras deliver color and infrared as CV_8UC1, the scene is without
+/// color, and depth as CV_16UC1 (mm, 0: nothing measured); `device_stamp_s` of arm and cameras are each on a clock
+/// of their own. SimulationConfig::faults happen.
 class Cell {
  public:
-  /// @throws std::invalid_argument if `config.simulation` is missing, a camera has no counterpart there
-  ///   or is not fixed in the cell, or arm.start_q is not six angles within the joint limits.
+  /// @throws std::invalid_argument if `config.simulation` is missing, a camera has no counterpart there, cameras
+  ///   are both fixed and on the flange, a fault names a camera that is not there, or arm.start_q is not one angle
+  ///   per joint within the limits; Error (kInvalidConfig) if the arm's URDF file is no such chain.
   Cell(const CellConfig& config, std::uint64_t seed);
   ~Cell();
   Cell(Cell&&) noexcept;
