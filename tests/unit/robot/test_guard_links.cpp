@@ -39,6 +39,7 @@ class GuardLinks : public ::testing::Test {
     cell.limits.max_angular_speed_radps = 1.0;
   }
   void stand(const Eigen::VectorXd& q) {
+    guard.reset();  // It stops its arm.
     arm = std::make_unique<FakeArm>(kinematics, clock, q);
     guard = std::make_unique<Guard>(*arm, kinematics, clock, cell);
     guard->setBoard(kMount);
@@ -79,7 +80,7 @@ TEST_F(GuardLinks, StopsTheForearmBeforeABox) {
   const Eigen::Vector3d beside = kinematics.forward(degrees({175, -20, 20, 0, 0, 0})).translation() * 0.65;
   cell.limits.keep_out = {{"post", {beside.x() - 0.03, beside.y() - 0.03, -0.2}, {beside.x() + 0.03, beside.y() + 0.03, 0.8}}};
   stand(stretched);
-  const GuardVerdict verdict = turn(0, 0.5, 2.0);
+  const GuardVerdict verdict = turn(0, 0.5, 4.0);
   EXPECT_EQ(strongest.rule, GuardRule::kCollision);
   expectPart(strongest.reason, "keep-out box 'post'");
   expectPart(strongest.reason, "forearm_link");
@@ -135,14 +136,14 @@ TEST_F(GuardLinks, KeepsFlangeBoardAndLinksOutOfTheSpaceAroundACamera) {
   stand(degrees({180, -20, 20, 0, 0, 0}));
   const Eigen::Vector3d flange = kinematics.forward(degrees({200, -20, 20, 0, 0, 0})).translation();
   guard->setObstacles({{"front", flange, 0.15}});
-  EXPECT_TRUE(turn(0, 0.5, 1.5).refused());
+  EXPECT_TRUE(turn(0, 0.5, 4.0).refused());
   expectPart(strongest.reason, "'front'");
   EXPECT_GT((arm->state().bMe.translation() - flange).norm(), 0.15);
   // Half as far out, the forearm is stopped.
   strongest = {};
   stand(degrees({180, -20, 20, 0, 0, 0}));
   guard->setObstacles({{"front", 0.6 * flange, 0.1}});
-  EXPECT_TRUE(turn(0, 0.5, 1.5).refused());
+  EXPECT_TRUE(turn(0, 0.5, 4.0).refused());
   EXPECT_EQ(strongest.rule, GuardRule::kCollision) << strongest.reason;
   expectPart(strongest.reason, "space around 'front'");
   EXPECT_THROW(guard->setObstacles({{"flat", flange, 0.0}}), std::invalid_argument);
@@ -162,7 +163,7 @@ TEST_F(GuardLinks, JointSpeedsObeyEveryLimit) {
     clock.sleepFor(fromSeconds(kPeriodS));
   }
   EXPECT_LE(flange, cell.limits.max_speed_mps * (1 + 1e-6));
-  EXPECT_GT(flange, 0.9 * cell.limits.max_speed_mps);
+  EXPECT_GT(flange, 0.8 * cell.limits.max_speed_mps);  // The board, farther out, is at its limit.
   EXPECT_LE(joint, cell.limits.max_joint_speed_radps * (1 + 1e-9));
   EXPECT_THROW((void)guard->commandJoints(Eigen::VectorXd::Zero(5)), std::invalid_argument);
   EXPECT_EQ(guard->commandJoints(Eigen::VectorXd::Constant(6, std::nan(""))).rule, GuardRule::kNonFinite);

@@ -33,6 +33,7 @@ double fromPath(const Eigen::VectorXd& q, const std::vector<Eigen::VectorXd>& pa
 class FollowPath : public ::testing::Test {
  protected:
   void start(const ArmConfig& config, const Eigen::VectorXd& q, double lag_s = 0.02) {
+    guard.reset();  // It stops its arm.
     kinematics = std::make_unique<robot::Kinematics>(config);
     FakeArmOptions fake;
     fake.lag_s = lag_s;
