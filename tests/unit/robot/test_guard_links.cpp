@@ -46,7 +46,9 @@ class GuardLinks : public ::testing::Test {
     model = std::make_unique<CollisionModel>(cell.arm, cell.limits.keep_out, cell.board);
     model->setBoard(kMount);
     clearance = model->clearance(q);
-    arm->on_step = [this](const RobotState& state) { clearance = std::min(clearance, model->clearance(state.q)); };
+    arm->on_step = [this](const RobotState& state) {
+      clearance = std::min(clearance, model->clearance(state.q));
+    };
   }
   template <class Command>
   GuardVerdict hold(const Command& command, double seconds) {
@@ -78,7 +80,8 @@ TEST_F(GuardLinks, StopsTheForearmBeforeABox) {
   const Eigen::VectorXd stretched = degrees({150, -20, 20, 0, 0, 0});
   const Eigen::Vector3d flange = kinematics.forward(stretched).translation();
   const Eigen::Vector3d beside = kinematics.forward(degrees({175, -20, 20, 0, 0, 0})).translation() * 0.65;
-  cell.limits.keep_out = {{"post", {beside.x() - 0.03, beside.y() - 0.03, -0.2}, {beside.x() + 0.03, beside.y() + 0.03, 0.8}}};
+  cell.limits.keep_out = {
+      {"post", {beside.x() - 0.03, beside.y() - 0.03, -0.2}, {beside.x() + 0.03, beside.y() + 0.03, 0.8}}};
   stand(stretched);
   const GuardVerdict verdict = turn(0, 0.5, 4.0);
   EXPECT_EQ(strongest.rule, GuardRule::kCollision);
@@ -103,10 +106,12 @@ TEST_F(GuardLinks, StopsTheForearmBeforeTheFootByTwistsToo) {
     ASSERT_GT(clearance, 0.02);
     if (by_twist) {
       // The twist that the elbow would make.
-      (void)hold([&] {
-        const Eigen::VectorXd twist = kinematics.jacobian(arm->state().q) * jointSpeed(2, 0.5);
-        return guard->command({twist.head<3>(), twist.tail<3>()});
-      }, 3.0);
+      (void)hold(
+          [&] {
+            const Eigen::VectorXd twist = kinematics.jacobian(arm->state().q) * jointSpeed(2, 0.5);
+            return guard->command({twist.head<3>(), twist.tail<3>()});
+          },
+          3.0);
     } else {
       (void)turn(2, 0.5, 3.0);
     }
@@ -158,7 +163,8 @@ TEST_F(GuardLinks, JointSpeedsObeyEveryLimit) {
     (void)guard->commandJoints(jointSpeed(i < 200 ? 0 : 5, 30.0));
     const Eigen::VectorXd told = arm->log().back().joints;
     joint = std::max(joint, told.cwiseAbs().maxCoeff());
-    EXPECT_LE((told - last).cwiseAbs().maxCoeff(), cell.limits.max_angular_acceleration_radps2 * kPeriodS * (1 + 1e-9));
+    EXPECT_LE((told - last).cwiseAbs().maxCoeff(),
+              cell.limits.max_angular_acceleration_radps2 * kPeriodS * (1 + 1e-9));
     last = told;
     clock.sleepFor(fromSeconds(kPeriodS));
   }
@@ -210,7 +216,8 @@ TEST(CollisionGaps, AgreeWithFcl) {
 TEST(ShapeGap, GrowsNegativeAsACapsuleEntersABox) {
   const RoundedBox box{{0.1, 0.2, 0.3}, 0.0}, capsule{{0.0, 0.0, 0.15}, 0.05};
   const auto at = [](double x) {
-    return Eigen::Isometry3d(Eigen::Translation3d(x, 0.0, 0.0) * Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitX()));
+    return Eigen::Isometry3d(Eigen::Translation3d(x, 0.0, 0.0) *
+                             Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitX()));
   };
   EXPECT_NEAR(gap(box, Eigen::Isometry3d::Identity(), capsule, at(0.2)), 0.05, 1e-6);
   EXPECT_NEAR(gap(capsule, at(0.15), box, Eigen::Isometry3d::Identity()), 0.0, 1e-6);
@@ -232,8 +239,9 @@ TEST(CollisionGaps, TravelBoundsWhatMoves) {
     for (double& value : q) value = angle(random);
     for (double& value : dq) value = 0.02 * angle(random);
     for (const Eigen::Vector3d& corner : cell.board.outline())
-      EXPECT_LE((kinematics.forward(q + dq) * (kMount * corner) - kinematics.forward(q) * (kMount * corner)).norm(),
-                model.travel(dq));
+      EXPECT_LE(
+          (kinematics.forward(q + dq) * (kMount * corner) - kinematics.forward(q) * (kMount * corner)).norm(),
+          model.travel(dq));
   }
 }
 
