@@ -46,7 +46,8 @@ std::optional<Objection> LinkWatch::moveTo(const Eigen::VectorXd& q, bool last) 
   const std::vector<CollisionModel::Gap> here = model_.gaps(q);
   for (std::size_t pair = 0; pair < here.size(); ++pair) {
     if (here[pair].distance_m >= clearance_m_) continue;
-    if (start_[pair].distance_m < clearance_m_ && here[pair].distance_m >= before_[pair].distance_m - kSlackM) continue;
+    if (start_[pair].distance_m < clearance_m_ && here[pair].distance_m >= before_[pair].distance_m - kSlackM)
+      continue;
     return objectionTo(here[pair]);
   }
   before_ = here;

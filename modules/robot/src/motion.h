@@ -26,7 +26,8 @@ class MotionAt {
   const Eigen::MatrixXd& jacobian() const { return jacobian_; }
 
   Twist<Base> twist(const Motion& motion) const {
-    const Eigen::VectorXd v = motion.kind == Motion::Kind::kTwist ? motion.velocity : jacobian_ * motion.velocity;
+    const Eigen::VectorXd v =
+        motion.kind == Motion::Kind::kTwist ? motion.velocity : jacobian_ * motion.velocity;
     return {v.head<3>(), v.tail<3>()};
   }
   /// Infinite where the arm cannot make the twist, that is at a singular pose.

@@ -68,7 +68,8 @@ double betweenBoxes(const RoundedBox& a, const Eigen::Isometry3d& a_pose, const 
 
 }  // namespace
 
-double gap(const RoundedBox& a, const Eigen::Isometry3d& a_pose, const RoundedBox& b, const Eigen::Isometry3d& b_pose) {
+double gap(const RoundedBox& a, const Eigen::Isometry3d& a_pose, const RoundedBox& b,
+           const Eigen::Isometry3d& b_pose) {
   const double radii = a.radius_m + b.radius_m;
   const double bound =
       (a_pose.translation() - b_pose.translation()).norm() - a.half_m.norm() - b.half_m.norm() - radii;

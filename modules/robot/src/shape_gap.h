@@ -18,6 +18,7 @@ struct RoundedBox {
 ///
 /// Closed form for two capsules. The signed distance from a box is a convex function, so its least value on
 /// a capsule's axis is found by a search. Two boxes touch or do not: positive values are FCL's.
-double gap(const RoundedBox& a, const Eigen::Isometry3d& a_pose, const RoundedBox& b, const Eigen::Isometry3d& b_pose);
+double gap(const RoundedBox& a, const Eigen::Isometry3d& a_pose, const RoundedBox& b,
+           const Eigen::Isometry3d& b_pose);
 
 }  // namespace servocal::robot

@@ -37,7 +37,8 @@ FrameFate drop(int& counter, FrameFate fate) {
 const Frame* nearestTo(Instant stamp, const std::vector<Frame>& frames) {
   const Frame* nearest = nullptr;
   for (const Frame& frame : frames) {
-    if (!nearest || std::chrono::abs(frame.stamp - stamp) < std::chrono::abs(nearest->stamp - stamp)) nearest = &frame;
+    if (!nearest || std::chrono::abs(frame.stamp - stamp) < std::chrono::abs(nearest->stamp - stamp))
+      nearest = &frame;
   }
   return nearest;
 }
@@ -96,7 +97,8 @@ FrameCounts GatedCamera::counts(Stream stream) const {
   return found == gates_.end() ? FrameCounts{} : found->second.counts();
 }
 
-std::optional<std::vector<Frame>> pairFrames(const std::vector<std::vector<Frame>>& streams, Duration tolerance) {
+std::optional<std::vector<Frame>> pairFrames(const std::vector<std::vector<Frame>>& streams,
+                                             Duration tolerance) {
   if (streams.empty()) return std::nullopt;
   std::optional<std::vector<Frame>> newest;
   for (const Frame& frame : streams.front()) {

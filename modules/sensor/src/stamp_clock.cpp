@@ -20,8 +20,9 @@ const char* toString(StampEvent event) {
 }
 
 StampClock::StampClock(const StampClockOptions& options) : options_(options) {
-  if (!(options.max_drift_ppm >= 0.0 && options.wrap_s >= 0.0) || options.nominal_latency < Duration::zero() ||
-      options.jump <= Duration::zero() || options.late_for <= Duration::zero())
+  if (!(options.max_drift_ppm >= 0.0 && options.wrap_s >= 0.0) ||
+      options.nominal_latency < Duration::zero() || options.jump <= Duration::zero() ||
+      options.late_for <= Duration::zero())
     throw std::invalid_argument("StampClock: an option is out of range");
 }
 
@@ -36,7 +37,8 @@ StampClock::Reading StampClock::read(double device_stamp_s, Instant received) {
   if (!std::isfinite(device_stamp_s)) throw std::invalid_argument("StampClock: the stamp is not a number");
   const double jump_s = toSeconds(options_.jump);
   StampEvent event = StampEvent::kSteady;
-  if (least_s_ && options_.wrap_s > 0.0 && device_stamp_s + unwrapped_s_ < last_device_s_ - 0.5 * options_.wrap_s) {
+  if (least_s_ && options_.wrap_s > 0.0 &&
+      device_stamp_s + unwrapped_s_ < last_device_s_ - 0.5 * options_.wrap_s) {
     unwrapped_s_ += options_.wrap_s;
     event = StampEvent::kWrapped;
   }
@@ -49,7 +51,8 @@ StampClock::Reading StampClock::read(double device_stamp_s, Instant received) {
   // Nothing arrives before it was sent.
   if (offset_s < *least_s_ - jump_s) return restart(offset_s, device_s, received, StampEvent::kJumped);
 
-  const double allowed_s = *least_s_ + 1e-6 * options_.max_drift_ppm * std::max(0.0, toSeconds(received - updated_));
+  const double allowed_s =
+      *least_s_ + 1e-6 * options_.max_drift_ppm * std::max(0.0, toSeconds(received - updated_));
   if (offset_s <= allowed_s + jump_s) {
     late_since_.reset();
   } else {

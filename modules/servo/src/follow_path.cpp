@@ -14,13 +14,13 @@ namespace {
 
 using Path = std::vector<Eigen::VectorXd>;
 
-constexpr double kGain = 4.0;           // 1/s. Not more: the guard looks 0.15 s ahead and then brakes.
-constexpr double kBrakingShare = 0.8;   // Of the acceleration limits; the rest is for corrections.
+constexpr double kGain = 4.0;              // 1/s. Not more: the guard looks 0.15 s ahead and then brakes.
+constexpr double kBrakingShare = 0.8;      // Of the acceleration limits; the rest is for corrections.
 constexpr double kStraightCosine = 0.985;  // Corners up to 10 degrees are none.
-constexpr double kCornerRad = 0.01;     // A corner is passed from here on,
-constexpr double kThereRad = 0.001;     // the end is reached.
+constexpr double kCornerRad = 0.01;        // A corner is passed from here on,
+constexpr double kThereRad = 0.001;        // the end is reached.
 constexpr double kProgressRad = 0.002;
-constexpr double kLookRad = 0.02;       // Between two questions to the guard before the motion.
+constexpr double kLookRad = 0.02;  // Between two questions to the guard before the motion.
 
 double largest(const Eigen::VectorXd& v) { return v.cwiseAbs().maxCoeff(); }
 
@@ -28,8 +28,8 @@ void requireUsable(const robot::Guard& guard, const Path& path, const FollowOpti
   if (path.empty()) throw std::invalid_argument("followPath: the path has no points");
   for (const Eigen::VectorXd& q : path)
     if (q.size() != guard.kinematics().joints() || !q.allFinite())
-      throw std::invalid_argument("followPath: every point needs " + std::to_string(guard.kinematics().joints()) +
-                                  " finite joint angles");
+      throw std::invalid_argument("followPath: every point needs " +
+                                  std::to_string(guard.kinematics().joints()) + " finite joint angles");
   if (!(options.speed_share > 0.0 && options.speed_share <= 1.0))
     throw std::invalid_argument("followPath: speed_share must be in (0, 1]");
   if (options.max_joint_speed_radps && !(*options.max_joint_speed_radps > 0.0))
@@ -106,10 +106,9 @@ class Follower {
                                    joint / limits.max_joint_speed_radps});
     limit *= options_.speed_share;
     if (options_.max_joint_speed_radps) limit = std::min(limit, *options_.max_joint_speed_radps / joint);
-    const double acceleration =
-        kBrakingShare / std::max({linear / limits.max_acceleration_mps2,
-                                  angular / limits.max_angular_acceleration_radps2,
-                                  joint / limits.max_angular_acceleration_radps2});
+    const double acceleration = kBrakingShare / std::max({linear / limits.max_acceleration_mps2,
+                                                          angular / limits.max_angular_acceleration_radps2,
+                                                          joint / limits.max_angular_acceleration_radps2});
     for (std::size_t leg = leg_; straightAfter(leg); ++leg) left += (path_[leg + 2] - path_[leg + 1]).norm();
     return std::copysign(speedAt(std::abs(left), limit, acceleration, kGain), left);
   }
@@ -124,7 +123,7 @@ class Follower {
 }  // namespace
 
 DriveOutcome followPath(robot::Guard& guard, Clock& clock, const std::vector<Eigen::VectorXd>& path,
-                         const FollowOptions& options) {
+                        const FollowOptions& options) {
   requireUsable(guard, path, options);
   const StopOnExit stop(guard);
   const Instant start = clock.now();
@@ -164,7 +163,8 @@ DriveOutcome followPath(robot::Guard& guard, Clock& clock, const std::vector<Eig
     if (follower.deviationRad() > options.max_deviation_rad)
       return end(DriveStatus::kLimit, "The arm left the path; it does not follow its commands.");
     if (clock.now() - progress > options.stuck_after)
-      return end(DriveStatus::kLimit, verdict.reason.empty() ? "The arm does not move along the path." : verdict.reason);
+      return end(DriveStatus::kLimit,
+                 verdict.reason.empty() ? "The arm does not move along the path." : verdict.reason);
     if (options.watch && clock.now() - watched >= options.watch_every) {
       if (const auto reason = options.watch()) return end(DriveStatus::kStopped, *reason);
       watched = clock.now();

@@ -39,13 +39,16 @@ class GuardLinks : public ::testing::Test {
     cell.limits.max_angular_speed_radps = 1.0;
   }
   void stand(const Eigen::VectorXd& q) {
+    guard.reset();  // It stops its arm.
     arm = std::make_unique<FakeArm>(kinematics, clock, q);
     guard = std::make_unique<Guard>(*arm, kinematics, clock, cell);
     guard->setBoard(kMount);
     model = std::make_unique<CollisionModel>(cell.arm, cell.limits.keep_out, cell.board);
     model->setBoard(kMount);
     clearance = model->clearance(q);
-    arm->on_step = [this](const RobotState& state) { clearance = std::min(clearance, model->clearance(state.q)); };
+    arm->on_step = [this](const RobotState& state) {
+      clearance = std::min(clearance, model->clearance(state.q));
+    };
   }
   template <class Command>
   GuardVerdict hold(const Command& command, double seconds) {
@@ -77,9 +80,10 @@ TEST_F(GuardLinks, StopsTheForearmBeforeABox) {
   const Eigen::VectorXd stretched = degrees({150, -20, 20, 0, 0, 0});
   const Eigen::Vector3d flange = kinematics.forward(stretched).translation();
   const Eigen::Vector3d beside = kinematics.forward(degrees({175, -20, 20, 0, 0, 0})).translation() * 0.65;
-  cell.limits.keep_out = {{"post", {beside.x() - 0.03, beside.y() - 0.03, -0.2}, {beside.x() + 0.03, beside.y() + 0.03, 0.8}}};
+  cell.limits.keep_out = {
+      {"post", {beside.x() - 0.03, beside.y() - 0.03, -0.2}, {beside.x() + 0.03, beside.y() + 0.03, 0.8}}};
   stand(stretched);
-  const GuardVerdict verdict = turn(0, 0.5, 2.0);
+  const GuardVerdict verdict = turn(0, 0.5, 4.0);
   EXPECT_EQ(strongest.rule, GuardRule::kCollision);
   expectPart(strongest.reason, "keep-out box 'post'");
   expectPart(strongest.reason, "forearm_link");
@@ -102,10 +106,12 @@ TEST_F(GuardLinks, StopsTheForearmBeforeTheFootByTwistsToo) {
     ASSERT_GT(clearance, 0.02);
     if (by_twist) {
       // The twist that the elbow would make.
-      (void)hold([&] {
-        const Eigen::VectorXd twist = kinematics.jacobian(arm->state().q) * jointSpeed(2, 0.5);
-        return guard->command({twist.head<3>(), twist.tail<3>()});
-      }, 3.0);
+      (void)hold(
+          [&] {
+            const Eigen::VectorXd twist = kinematics.jacobian(arm->state().q) * jointSpeed(2, 0.5);
+            return guard->command({twist.head<3>(), twist.tail<3>()});
+          },
+          3.0);
     } else {
       (void)turn(2, 0.5, 3.0);
     }
@@ -135,14 +141,14 @@ TEST_F(GuardLinks, KeepsFlangeBoardAndLinksOutOfTheSpaceAroundACamera) {
   stand(degrees({180, -20, 20, 0, 0, 0}));
   const Eigen::Vector3d flange = kinematics.forward(degrees({200, -20, 20, 0, 0, 0})).translation();
   guard->setObstacles({{"front", flange, 0.15}});
-  EXPECT_TRUE(turn(0, 0.5, 1.5).refused());
+  EXPECT_TRUE(turn(0, 0.5, 4.0).refused());
   expectPart(strongest.reason, "'front'");
   EXPECT_GT((arm->state().bMe.translation() - flange).norm(), 0.15);
   // Half as far out, the forearm is stopped.
   strongest = {};
   stand(degrees({180, -20, 20, 0, 0, 0}));
   guard->setObstacles({{"front", 0.6 * flange, 0.1}});
-  EXPECT_TRUE(turn(0, 0.5, 1.5).refused());
+  EXPECT_TRUE(turn(0, 0.5, 4.0).refused());
   EXPECT_EQ(strongest.rule, GuardRule::kCollision) << strongest.reason;
   expectPart(strongest.reason, "space around 'front'");
   EXPECT_THROW(guard->setObstacles({{"flat", flange, 0.0}}), std::invalid_argument);
@@ -157,12 +163,13 @@ TEST_F(GuardLinks, JointSpeedsObeyEveryLimit) {
     (void)guard->commandJoints(jointSpeed(i < 200 ? 0 : 5, 30.0));
     const Eigen::VectorXd told = arm->log().back().joints;
     joint = std::max(joint, told.cwiseAbs().maxCoeff());
-    EXPECT_LE((told - last).cwiseAbs().maxCoeff(), cell.limits.max_angular_acceleration_radps2 * kPeriodS * (1 + 1e-9));
+    EXPECT_LE((told - last).cwiseAbs().maxCoeff(),
+              cell.limits.max_angular_acceleration_radps2 * kPeriodS * (1 + 1e-9));
     last = told;
     clock.sleepFor(fromSeconds(kPeriodS));
   }
   EXPECT_LE(flange, cell.limits.max_speed_mps * (1 + 1e-6));
-  EXPECT_GT(flange, 0.9 * cell.limits.max_speed_mps);
+  EXPECT_GT(flange, 0.8 * cell.limits.max_speed_mps);  // The board, farther out, is at its limit.
   EXPECT_LE(joint, cell.limits.max_joint_speed_radps * (1 + 1e-9));
   EXPECT_THROW((void)guard->commandJoints(Eigen::VectorXd::Zero(5)), std::invalid_argument);
   EXPECT_EQ(guard->commandJoints(Eigen::VectorXd::Constant(6, std::nan(""))).rule, GuardRule::kNonFinite);
@@ -209,7 +216,8 @@ TEST(CollisionGaps, AgreeWithFcl) {
 TEST(ShapeGap, GrowsNegativeAsACapsuleEntersABox) {
   const RoundedBox box{{0.1, 0.2, 0.3}, 0.0}, capsule{{0.0, 0.0, 0.15}, 0.05};
   const auto at = [](double x) {
-    return Eigen::Isometry3d(Eigen::Translation3d(x, 0.0, 0.0) * Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitX()));
+    return Eigen::Isometry3d(Eigen::Translation3d(x, 0.0, 0.0) *
+                             Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitX()));
   };
   EXPECT_NEAR(gap(box, Eigen::Isometry3d::Identity(), capsule, at(0.2)), 0.05, 1e-6);
   EXPECT_NEAR(gap(capsule, at(0.15), box, Eigen::Isometry3d::Identity()), 0.0, 1e-6);
@@ -231,8 +239,9 @@ TEST(CollisionGaps, TravelBoundsWhatMoves) {
     for (double& value : q) value = angle(random);
     for (double& value : dq) value = 0.02 * angle(random);
     for (const Eigen::Vector3d& corner : cell.board.outline())
-      EXPECT_LE((kinematics.forward(q + dq) * (kMount * corner) - kinematics.forward(q) * (kMount * corner)).norm(),
-                model.travel(dq));
+      EXPECT_LE(
+          (kinematics.forward(q + dq) * (kMount * corner) - kinematics.forward(q) * (kMount * corner)).norm(),
+          model.travel(dq));
   }
 }
 

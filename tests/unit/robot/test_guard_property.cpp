@@ -167,7 +167,7 @@ Violations run(const MotionLimits& guarded, bool watch_links, int sequences, con
   cell.limits = cellLimits();
   const auto eMo = Pose<EndEffector, Board>::fromRotationVector({3.0, 0.1, -0.15}, {0.02, -0.03, 0.04});
   Violations violations(kinematics, cell.limits, cell.board, eMo, tolerance, tolerance_m);
-  Adversary adversary{std::mt19937_64(2024)};
+  Adversary adversary{std::mt19937_64(2024), {}, {}};
   for (int sequence = 0; sequence < sequences; ++sequence) {
     SimulatedClock clock;
     Eigen::VectorXd q(6);

@@ -70,7 +70,8 @@ TEST_F(PlanTo, SaysWhyThereIsNone) {
   makeGuard();
   test::expectPart(planTo(*guard, left, {Eigen::Matrix3d::Identity(), Eigen::Vector3d(3, 0, 0)}).reason,
                    "No joint angles");
-  const Plan inside = planTo(*guard, left, {kinematics.forward(left).rotation(), Eigen::Vector3d(0.45, 0, 0.4)});
+  const Plan inside =
+      planTo(*guard, left, {kinematics.forward(left).rotation(), Eigen::Vector3d(0.45, 0, 0.4)});
   EXPECT_TRUE(inside.path.empty());
   test::expectPart(inside.reason, "post");
   EXPECT_THROW((void)planTo(*guard, degrees({0, 0}), kinematics.forward(left)), std::invalid_argument);

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "servocal/sensor/frame_gate.h"
-
 #include <gtest/gtest.h>
 
 #include <deque>
+
+#include "servocal/sensor/frame_gate.h"
 
 namespace servocal::sensor {
 namespace {

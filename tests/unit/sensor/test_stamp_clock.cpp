@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "servocal/sensor/stamp_clock.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -8,10 +6,13 @@
 #include <random>
 #include <vector>
 
+#include "servocal/sensor/stamp_clock.h"
+
 namespace servocal::sensor {
 namespace {
 
-// A device at 30 Hz whose clock starts anywhere and drifts; transport is never faster than the nominal latency.
+// A device at 30 Hz whose clock starts anywhere and drifts; transport is never faster than the nominal
+// latency.
 struct Device {
   double start_s = 1234.5;
   double drift_ppm = 0.0;
@@ -72,7 +73,9 @@ TEST(StampClock, SaysWhenTheDeviceClockIsSetAheadOrBackOrStartsAgain) {
       last = device.next(clock);
       events.push_back(last.event);
     }
-    const auto told = [](StampEvent event) { return event == StampEvent::kJumped || event == StampEvent::kReset; };
+    const auto told = [](StampEvent event) {
+      return event == StampEvent::kJumped || event == StampEvent::kReset;
+    };
     EXPECT_EQ(std::count_if(events.begin(), events.end(), told), 1);
     if (step_s < -0.1) {
       EXPECT_EQ(events.front(), StampEvent::kReset);

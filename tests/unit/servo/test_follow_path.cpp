@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "servocal/servo/follow_path.h"
-
 #include <gtest/gtest.h>
 
 #include "fake_arm.h"
 #include "servo_bench.h"
+#include "servocal/servo/follow_path.h"
 #include "temporary_folder.h"
 
 namespace servocal::servo {
@@ -33,6 +32,7 @@ double fromPath(const Eigen::VectorXd& q, const std::vector<Eigen::VectorXd>& pa
 class FollowPath : public ::testing::Test {
  protected:
   void start(const ArmConfig& config, const Eigen::VectorXd& q, double lag_s = 0.02) {
+    guard.reset();  // It stops its arm.
     kinematics = std::make_unique<robot::Kinematics>(config);
     FakeArmOptions fake;
     fake.lag_s = lag_s;
@@ -45,12 +45,15 @@ class FollowPath : public ::testing::Test {
     guard->setBoard(std::nullopt);
     arm->on_step = [this](const RobotState& state) {
       off = std::max(off, fromPath(state.q, path));
-      fastest_joint = std::max(fastest_joint, last.size() ? (state.q - last).cwiseAbs().maxCoeff() / 0.002 : 0.0);
+      fastest_joint =
+          std::max(fastest_joint, last.size() ? (state.q - last).cwiseAbs().maxCoeff() / 0.002 : 0.0);
       last = state.q;
     };
   }
   DriveOutcome follow(const FollowOptions& options = {}) { return followPath(*guard, clock, path, options); }
-  bool stands() { return arm->state().twist.linear_mps.norm() < 1e-3 && arm->state().twist.angular_radps.norm() < 3e-3; }
+  bool stands() {
+    return arm->state().twist.linear_mps.norm() < 1e-3 && arm->state().twist.angular_radps.norm() < 3e-3;
+  }
 
   SimulatedClock clock;
   std::vector<Box> boxes;
@@ -63,7 +66,8 @@ class FollowPath : public ::testing::Test {
 };
 
 TEST_F(FollowPath, ReachesTheEndAndKeepsToThePath) {
-  path = {radians({0, -100, -90, 10, 80, 0}), radians({40, -110, -80, 10, 80, 30}), radians({30, -80, -110, 0, 60, 60})};
+  path = {radians({0, -100, -90, 10, 80, 0}), radians({40, -110, -80, 10, 80, 30}),
+          radians({30, -80, -110, 0, 60, 60})};
   start(ArmConfig{}, path.front());
   const DriveOutcome outcome = follow();
   EXPECT_EQ(outcome.status, DriveStatus::kReached) << outcome.reason;
@@ -74,11 +78,13 @@ TEST_F(FollowPath, ReachesTheEndAndKeepsToThePath) {
 }
 
 TEST_F(FollowPath, DoesNotSlowDownAtANearlyStraightCorner) {
-  path = {radians({0, -100, -90, 10, 80, 0}), radians({30, -100, -90, 10, 80, 2}), radians({60, -100, -90, 10, 80, 0})};
+  path = {radians({0, -100, -90, 10, 80, 0}), radians({30, -100, -90, 10, 80, 2}),
+          radians({60, -100, -90, 10, 80, 0})};
   start(ArmConfig{}, path.front());
   double speed_at_corner = 0.0;
   arm->on_step = [&](const RobotState& state) {
-    if (std::abs(state.q[0] - path[1][0]) < 0.03) speed_at_corner = std::max(speed_at_corner, state.twist.linear_mps.norm());
+    if (std::abs(state.q[0] - path[1][0]) < 0.03)
+      speed_at_corner = std::max(speed_at_corner, state.twist.linear_mps.norm());
   };
   EXPECT_EQ(follow().status, DriveStatus::kReached);
   EXPECT_GT(speed_at_corner, 0.2);
@@ -89,14 +95,16 @@ TEST_F(FollowPath, ARedundantArmKeepsItsPostureToo) {
   std::string text = "<robot name='seven'><link name='base'/>";
   for (int i = 1; i <= 7; ++i)
     text += "<link name='l" + std::to_string(i) + "'/><joint name='j" + std::to_string(i) +
-            "' type='revolute'><parent link='" + (i == 1 ? "base" : "l" + std::to_string(i - 1)) + "'/><child link='l" +
-            std::to_string(i) + "'/><origin xyz='0 0 0.15'/><axis xyz='" + (i % 2 ? "0 0 1" : "0 1 0") +
+            "' type='revolute'><parent link='" + (i == 1 ? "base" : "l" + std::to_string(i - 1)) +
+            "'/><child link='l" + std::to_string(i) + "'/><origin xyz='0 0 0.15'/><axis xyz='" +
+            (i % 2 ? "0 0 1" : "0 1 0") +
             "'/><limit lower='-2.9' upper='2.9' velocity='2' effort='10'/></joint>";
   const test::TemporaryFolder folder;
   ArmConfig config;
   config.urdf = folder.write("seven.urdf", text + "</robot>").string();
   config.flange_link = "l7";
-  path = {radians({0, 40, 0, 60, 0, 40, 0}), radians({50, 40, -50, 60, 30, 40, -20}), radians({10, 60, 20, 40, 0, 50, 0})};
+  path = {radians({0, 40, 0, 60, 0, 40, 0}), radians({50, 40, -50, 60, 30, 40, -20}),
+          radians({10, 60, 20, 40, 0, 50, 0})};
   start(config, path.front());
   const DriveOutcome outcome = follow();
   EXPECT_EQ(outcome.status, DriveStatus::kReached) << outcome.reason;

@@ -71,10 +71,11 @@ class GatedCamera final : public RgbdCamera {
   std::map<Stream, FrameGate> gates_;
 };
 
-/// Of frames of several streams, those that belong together: for the newest frame of the first list that has one
-/// near it in every other list, that frame and its nearest ones, in the order of the lists. Nothing if there is
-/// none. Robot states go with a frame by Arm::stateAt(stamp).
+/// Of frames of several streams, those that belong together: for the newest frame of the first list that has
+/// one near it in every other list, that frame and its nearest ones, in the order of the lists. Nothing if
+/// there is none. Robot states go with a frame by Arm::stateAt(stamp).
 /// @param tolerance largest difference of two stamps of a set.
-std::optional<std::vector<Frame>> pairFrames(const std::vector<std::vector<Frame>>& streams, Duration tolerance);
+std::optional<std::vector<Frame>> pairFrames(const std::vector<std::vector<Frame>>& streams,
+                                             Duration tolerance);
 
 }  // namespace servocal::sensor

@@ -8,11 +8,12 @@
 namespace servocal::sensor {
 
 struct StampClockOptions {
-  Duration nominal_latency = std::chrono::milliseconds(65);  ///< Device stamp to arrival when nothing is in the way.
-  double max_drift_ppm = 200.0;  ///< Of the device's clock against the run's.
-  double wrap_s = 0.0;           ///< The device's stamps begin again after so many seconds; 0: never.
-  Duration jump = std::chrono::milliseconds(50);       ///< A step of the device's clock is at least so large.
-  Duration late_for = std::chrono::seconds(2);         ///< Later than `jump` for so long is a step, not a jam.
+  Duration nominal_latency =
+      std::chrono::milliseconds(65);  ///< Device stamp to arrival when nothing is in the way.
+  double max_drift_ppm = 200.0;       ///< Of the device's clock against the run's.
+  double wrap_s = 0.0;                ///< The device's stamps begin again after so many seconds; 0: never.
+  Duration jump = std::chrono::milliseconds(50);  ///< A step of the device's clock is at least so large.
+  Duration late_for = std::chrono::seconds(2);    ///< Later than `jump` for so long is a step, not a jam.
 };
 
 enum class StampEvent {
@@ -27,10 +28,10 @@ const char* toString(StampEvent event);
 
 /// Turns the stamps of a device into instants of the run's clock.
 ///
-/// Transport only ever delays: the least of "received - device stamp" is the offset of the two clocks plus the
-/// nominal latency. The least is let grow by max_drift_ppm, so that it follows a device clock that runs slow;
-/// one that runs fast lowers it by itself. Between two frames that came through without delay the stamp is thus
-/// late by at most max_drift_ppm times the time between them.
+/// Transport only ever delays: the least of "received - device stamp" is the offset of the two clocks plus
+/// the nominal latency. The least is let grow by max_drift_ppm, so that it follows a device clock that runs
+/// slow; one that runs fast lowers it by itself. Between two frames that came through without delay the stamp
+/// is thus late by at most max_drift_ppm times the time between them.
 class StampClock {
  public:
   struct Reading {
@@ -50,12 +51,12 @@ class StampClock {
   Reading restart(double least_s, double device_s, Instant received, StampEvent event);
 
   StampClockOptions options_;
-  std::optional<double> least_s_;   // Of received - device stamp.
+  std::optional<double> least_s_;  // Of received - device stamp.
   Instant updated_{};
   double last_device_s_ = 0.0;
-  double unwrapped_s_ = 0.0;        // Added for the counter's turns.
+  double unwrapped_s_ = 0.0;  // Added for the counter's turns.
   std::optional<Instant> late_since_;
-  double least_late_s_ = 0.0;       // As least_s_, of those that came late in a row.
+  double least_late_s_ = 0.0;  // As least_s_, of those that came late in a row.
 };
 
 }  // namespace servocal::sensor

@@ -14,14 +14,14 @@
 namespace servocal::servo {
 
 struct FollowOptions {
-  double speed_share = 1.0;            ///< Of the guard's speed limits; (0, 1].
+  double speed_share = 1.0;                     ///< Of the guard's speed limits; (0, 1].
   std::optional<double> max_joint_speed_radps;  ///< Besides; for a sweep that slow cameras watch.
-  /// Asked about every watch_every while the arm moves: a reason to stop here, or nothing. May sleep, e.g. wait
-  /// for a frame, but must come back within the guard's command_timeout or the arm brakes meanwhile.
+  /// Asked about every watch_every while the arm moves: a reason to stop here, or nothing. May sleep, e.g.
+  /// wait for a frame, but must come back within the guard's command_timeout or the arm brakes meanwhile.
   std::function<std::optional<std::string>()> watch;
   Duration watch_every = std::chrono::milliseconds(100);
-  double start_within_rad = 0.02;      ///< The arm must stand so near to the first point, per joint.
-  double max_deviation_rad = 0.05;     ///< Farther from the path than this, per joint, is not following.
+  double start_within_rad = 0.02;   ///< The arm must stand so near to the first point, per joint.
+  double max_deviation_rad = 0.05;  ///< Farther from the path than this, per joint, is not following.
   Duration stuck_after = std::chrono::seconds(2);  ///< No progress for so long ends it.
 };
 
@@ -41,7 +41,8 @@ struct FollowOptions {
 /// @throws std::invalid_argument for an empty path, points that are not finite joint angles, or options out
 ///   of range.
 /// @throws Error (kHardwareAbsent, kSafetyStop) from the arm, which is told to stop.
-[[nodiscard]] DriveOutcome followPath(robot::Guard& guard, Clock& clock, const std::vector<Eigen::VectorXd>& path,
-                                       const FollowOptions& options = {});
+[[nodiscard]] DriveOutcome followPath(robot::Guard& guard, Clock& clock,
+                                      const std::vector<Eigen::VectorXd>& path,
+                                      const FollowOptions& options = {});
 
 }  // namespace servocal::servo
