@@ -233,6 +233,12 @@ DepthOutcome solveDepth(const BoardSpec& board, const CameraModel& infrared,
   }
   const DepthProblem problem(shape, free_slope, used);
   fit = problem.solve(fit->scales);
+  if (fit->scales.common_m > options.max_scatter_m) {
+    outcome.status = DepthStatus::kInconsistent;
+    outcome.reason = text("depth and infrared corners disagree by %.0f mm from view to view, in %.0f views",
+                          1e3 * fit->scales.common_m, static_cast<double>(used.size()));
+    return outcome;
+  }
   std::vector<Source> used_sources;
   for (std::size_t i = 0; i < views.size(); ++i) {
     if (!keep[i]) outcome.left_out.push_back(views[i].id);

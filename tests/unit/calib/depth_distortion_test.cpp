@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <stdexcept>
+
 #include "depth_scene.h"
 
 namespace servocal::calib {
@@ -30,13 +33,19 @@ class SolveDepth : public testing::TestWithParam<DepthSensor> {
 };
 
 TEST_P(SolveDepth, RecoversTruthFromNoiselessViews) {
-  const DepthScene scene = test::makeDepthScene(1, truth(), cellViews(60));
-  const DepthOutcome outcome = solve(scene);
+  const DepthScene scene = test::makeDepthScene(1, truth(), cellViews(150));  // all over the image
+  DepthOptions options;
+  for (std::size_t i = 0; i < scene.observations.size(); ++i) {
+    options.board_poses.emplace(scene.observations[i].id, relabel<Infrared, Board>(scene.cell.cMo[i]));
+  }
+  options.board_pose_sigma_m = options.board_pose_sigma_rad = 1e-7;
+  const DepthOutcome outcome = solve(scene, options);
   ASSERT_EQ(outcome.status, DepthStatus::kSolved) << outcome.reason;
   EXPECT_TRUE(outcome.left_out.empty());
-  EXPECT_LT(test::correctionError(outcome.result->model, scene.truth, 0.6, 1.1), 2e-5);
-  EXPECT_GT(outcome.result->rms_before_m, 0.005);
-  EXPECT_LT(outcome.result->rms_after_m, 1e-5);
+  EXPECT_LT(test::correctionError(outcome.result->model, scene.truth, 0.6, 1.1), 1e-6);
+  EXPECT_LT(outcome.result->rms_after_m, 1e-6);
+  // From the corners alone, each believed to 0.1 px, the lattice is held a little smoother than it is.
+  EXPECT_LT(test::correctionError(solve(scene).result->model, scene.truth, 0.6, 1.1), 5e-5);
   // The measure does see the distortion.
   DepthModel none = scene.truth;
   none.offset = 0.0, none.slope = 1.0, none.nodes.setZero();
@@ -55,10 +64,89 @@ TEST_P(SolveDepth, MeetsTheTargetWithRealisticNoise) {
   }
 }
 
+TEST_P(SolveDepth, NamesViewsThatContradictTheOthers) {
+  DepthScene scene = test::makeDepthScene(3, truth(), cellViews(30), {0.15, 4e-4, 6e-4});
+  // Something else was in front (30 mm), a board that was moving (tilted depth), a flip of the sensor's phase.
+  for (DepthPatch& patch : scene.observations[4].views[0].depth->patches) patch.depth_m += 0.03;
+  for (DepthPatch& patch : scene.observations[11].views[0].depth->patches) {
+    patch.depth_m += 0.0006 * (patch.pixel.x() - scene.truth.camera.cx());
+  }
+  for (DepthPatch& patch : scene.observations[20].views[0].depth->patches) patch.depth_m *= 1.4;
+  const DepthOutcome outcome = solve(scene);
+  ASSERT_EQ(outcome.status, DepthStatus::kSolved) << outcome.reason;
+  EXPECT_EQ(outcome.left_out, (std::vector<std::int64_t>{5, 12, 21}));
+  EXPECT_LT(test::correctionError(outcome.result->model, scene.truth, 0.6, 1.1), 0.0015);
+}
+
+TEST_P(SolveDepth, OneDistanceLeavesTheSlopeAlone) {
+  test::SceneOptions options = cellViews(30);
+  options.near_m = options.far_m = 0.75;
+  const DepthScene scene = test::makeDepthScene(4, truth(), options, {0.15, 4e-4, 6e-4});
+  const DepthOutcome outcome = solve(scene);
+  ASSERT_EQ(outcome.status, DepthStatus::kSolved) << outcome.reason;
+  EXPECT_EQ(outcome.result->model.slope, 1.0);
+  ASSERT_FALSE(outcome.result->notes.empty());
+  EXPECT_NE(outcome.result->notes[0].find("one distance"), std::string::npos);
+  EXPECT_LT(test::correctionError(outcome.result->model, scene.truth, 0.74, 0.76), 0.003);
+}
+
+TEST_P(SolveDepth, SaysWhereNoBoardWas) {
+  DepthScene scene = test::makeDepthScene(5, truth(), cellViews(60), {0.15, 4e-4, 6e-4});
+  for (Observation& observation : scene.observations) {
+    auto& patches = observation.views[0].depth->patches;
+    const double middle = scene.truth.camera.cx();
+    patches.erase(std::remove_if(patches.begin(), patches.end(),
+                                 [&](const DepthPatch& patch) { return patch.pixel.x() > middle; }),
+                  patches.end());
+  }
+  const DepthOutcome outcome = solve(scene);
+  ASSERT_EQ(outcome.status, DepthStatus::kSolved) << outcome.reason;
+  ASSERT_EQ(outcome.result->notes.size(), 1u);
+  EXPECT_NE(outcome.result->notes[0].find("no board was seen in"), std::string::npos);
+}
+
+TEST_P(SolveDepth, SigmasAreTheSpread) {
+  test::SceneOptions options = cellViews(25);
+  constexpr int kSeeds = 30;
+  Eigen::Vector3d squares = Eigen::Vector3d::Zero();
+  const DepthModel truth = this->truth();
+  const Eigen::Vector2d middle(0.5 * (truth.camera.width_px - 1), 0.5 * (truth.camera.height_px - 1));
+  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    const DepthScene scene = test::makeDepthScene(100 + seed, truth, options, {0.15, 4e-4, 6e-4});
+    const DepthOutcome outcome = solve(scene);
+    ASSERT_EQ(outcome.status, DepthStatus::kSolved) << outcome.reason;
+    for (int k = 0; k < 3; ++k) {  // near, middle, far of what was visited
+      const double raw = outcome.result->sigma_at_m[k];
+      const double error = *outcome.result->model.correct(middle, raw) - *truth.correct(middle, raw);
+      squares[k] += std::pow(error / outcome.result->sigma_m[k], 2) / kSeeds;
+    }
+  }
+  std::cout << "mean squared z, near middle far: " << squares.transpose() << '\n';
+  // Chi-square of 30: within four of its deviations.
+  for (int k = 0; k < 3; ++k) EXPECT_NEAR(squares[k], 1.0, 4.0 * std::sqrt(2.0 / kSeeds)) << k;
+  for (int k = 0; k < 3; ++k) EXPECT_GT(squares[k], 0.3) << k;
+}
+
 INSTANTIATE_TEST_SUITE_P(Sensors, SolveDepth,
                          testing::Values(DepthSensor::kTimeOfFlight, DepthSensor::kStructuredLight),
-                         [](const auto& info) { return std::string(info.param == DepthSensor::kTimeOfFlight
+                         [](const auto& sensor) { return std::string(sensor.param == DepthSensor::kTimeOfFlight
                                                                        ? "TimeOfFlight" : "StructuredLight"); });
+
+TEST(SolveDepthRefusals, TooFewViewsAndContradictions) {
+  DepthScene scene = test::makeDepthScene(6, test::timeOfFlight(), cellViews(12), {0.15, 4e-4, 6e-4});
+  EXPECT_EQ(solveDepth(scene.board, scene.truth.camera, scene.observations, "another", scene.truth.sensor).status,
+            DepthStatus::kTooFewViews);
+  for (std::size_t i = 0; i < scene.observations.size(); ++i) {
+    for (DepthPatch& patch : scene.observations[i].views[0].depth->patches) {
+      patch.depth_m *= 0.6 + 0.08 * static_cast<double>((5 * i) % 12);
+    }
+  }
+  const DepthOutcome outcome = solve(scene);
+  EXPECT_EQ(outcome.status, DepthStatus::kInconsistent);
+  EXPECT_FALSE(outcome.reason.empty());
+  scene.observations[0].views[0].depth->patches[0].sigma_m = 0.0;
+  EXPECT_THROW((void)solve(scene), std::invalid_argument);
+}
 
 }  // namespace
 }  // namespace servocal::calib

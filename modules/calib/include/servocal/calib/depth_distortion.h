@@ -20,6 +20,7 @@ struct DepthOptions {
   int nodes_y = 6;
   int min_views = 5;
   double min_range_ratio = 1.1;  ///< Farthest over nearest board; below, the slope stays 1.
+  double max_scatter_m = 0.02;   ///< Common error of a view's depth, 1 sigma, above which the answer is refused.
   /// Better board poses than one infrared image gives, by observation id; e.g. from hand-eye and robot. Views
   /// without one fall back to their image.
   std::map<std::int64_t, Pose<Infrared, Board>> board_poses;
