@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Calibrates the simulated cell over seeds 1..N and prints one row each against the truth.
+// Calibrates a simulated cell of one camera over seeds 1..N and prints one row each against the truth.
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "cells.h"
 #include "trial.h"
 
 namespace {
@@ -33,14 +34,14 @@ int main(int argc, char** argv) {
   std::string cell_file, board_file;
   cli.add_option("--seeds", seeds, "How many")->capture_default_str();
   cli.add_option("--first", first_seed, "The first one")->capture_default_str();
-  cli.add_option("--cell", cell_file, "Cell file; the default cell if not given");
+  cli.add_option("--cell", cell_file, "Cell file; the one-camera cell of the tests if not given");
   cli.add_option("--board", board_file, "Board file, in place of the cell's board");
   CLI11_PARSE(cli, argc, argv);
 
-  CellConfig cell = cell_file.empty() ? defaultCell() : loadCell(cell_file);
+  CellConfig cell = cell_file.empty() ? test::oneCameraCell() : loadCell(cell_file);
   if (!board_file.empty()) cell.board = loadBoard(board_file);
   const auto folder = std::filesystem::temp_directory_path() / ("servocal-bench-" + std::to_string(getpid()));
-  std::printf("%s, board: %s\n", cell_file.empty() ? "default cell" : cell_file.c_str(),
+  std::printf("%s, board: %s\n", cell_file.empty() ? "one-camera cell" : cell_file.c_str(),
               cell.board.describe().c_str());
   std::printf("seed goal reachable filled views  obs lost motion_s tilt_s wall_s cpu_s  camera_mm camera_deg "
               "board_mm(median of 5, worst)  Zhang_px\n");

@@ -6,6 +6,7 @@
 
 #include "servocal/procedure/solve.h"
 #include "servocal/session/session.h"
+#include "cells.h"
 #include "temporary_folder.h"
 #include "trial.h"
 
@@ -29,14 +30,14 @@ void expectGood(const test::Trial& trial) {
 
 TEST(Calibrate, DefaultCellIsCalibratedInAClosedLoop) {
   const test::TemporaryFolder folder;
-  const test::Trial trial = test::runTrial(defaultCell(), 1, folder.path() / "session");
+  const test::Trial trial = test::runTrial(test::oneCameraCell(), 1, folder.path() / "session");
   expectGood(trial);
 
   // The recorded session gives the same answer as the live run.
   const auto session = session::Session::open(folder.path() / "session");
   procedure::SolveOptions options;
-  options.robot_sigma_m = defaultCell().arm.accuracy_m;
-  options.robot_sigma_rad = defaultCell().arm.accuracy_rad;
+  options.robot_sigma_m = test::oneCameraCell().arm.accuracy_m;
+  options.robot_sigma_rad = test::oneCameraCell().arm.accuracy_rad;
   const CalibrationResult again = procedure::solve(session.board(), session.observations(), options);
   ASSERT_EQ(again.cameras.size(), 1u);
   const auto& live = trial.result.cameras.front();
@@ -46,16 +47,43 @@ TEST(Calibrate, DefaultCellIsCalibratedInAClosedLoop) {
   EXPECT_LT((live.hand_eye->camera_pose.matrix() - replayed.hand_eye->camera_pose.matrix()).norm(), 1e-12);
 }
 
+// The paper's cell: two Kinect v2 and a Kinect v1, nothing known but their data sheets. Limits are those of the
+// worst seed; medians over seeds are in tests/bench/cell_bench.
+TEST(Calibrate, ThreeRgbdCamerasInOneRun) {
+  const test::TemporaryFolder folder;
+  const test::Trial trial = test::runTrial(defaultCell(), 1, folder.path() / "session");
+  EXPECT_TRUE(trial.result.goal_met);
+  for (const std::string& missing : trial.result.missing) ADD_FAILURE() << missing;
+  EXPECT_LE(trial.result.motion_time_s, 600.0);
+  EXPECT_LE(trial.result.tilt_time_s, 240.0);
+  ASSERT_EQ(trial.errors.size(), 3u);
+  for (std::size_t i = 0; i < 3; ++i) {
+    const test::CameraErrors& errors = trial.errors[i];
+    SCOPED_TRACE(errors.camera);
+    const bool v1 = errors.camera == "front";
+    EXPECT_LT(errors.pose_m, v1 ? 0.005 : 0.003);
+    EXPECT_LT(errors.pose_rad, (v1 ? 0.6 : 0.25) * kDegree);
+    ASSERT_TRUE(errors.infrared_m && errors.depth_after_m);
+    EXPECT_LT(*errors.infrared_m, 0.002);
+    EXPECT_LT(*errors.infrared_rad, 0.3 * kDegree);
+    EXPECT_LT(*errors.depth_after_m, v1 ? 0.004 : 0.003);
+    EXPECT_GT(*errors.depth_before_m, 2 * *errors.depth_after_m);
+    EXPECT_GT(trial.result.cameras[i].combined_views, 10);
+    ASSERT_TRUE(trial.result.cameras[i].held_out);
+    EXPECT_LT(trial.result.cameras[i].held_out->rms_m, 0.003);
+  }
+}
+
 // Seen in part, of another texture and with another limit of tilt: the same loop.
 TEST(Calibrate, AnAprilGridServesAsWell) {
-  CellConfig cell = defaultCell();
+  CellConfig cell = test::oneCameraCell();
   cell.board = loadBoard(SERVOCAL_BOARDS "/aprilgrid_4x3.yaml");
   const test::TemporaryFolder folder;
   expectGood(test::runTrial(cell, 2, folder.path() / "session"));
 }
 
 TEST(Calibrate, SaysSoWhenTheCameraDoesNotSeeTheBoard) {
-  CellConfig cell = defaultCell();
+  CellConfig cell = test::oneCameraCell();
   cell.simulation->cameras.front().look_at_m = {2.0, 0.0, 0.4};  // looks away
   const test::TemporaryFolder folder;
   const test::Trial trial = test::runTrial(cell, 1, folder.path() / "session");

@@ -14,11 +14,9 @@
 #include <random>
 #include <sstream>
 
+#include "cells.h"
 #include "errors.h"
 #include "run_program.h"
-#include "servocal/core/board_spec.h"
-#include "servocal/core/cell_config.h"
-#include "servocal/session/session.h"
 #include "tag_pictures.h"
 
 namespace servocal {
@@ -419,7 +417,7 @@ TEST(SolveApp, SolvesARecordedSession) {
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
   std::normal_distribution<double> noise(0.0, 0.05);
   {
-    session::Session session = session::Session::create(folder / "run", defaultCell().text, board, 1);
+    session::Session session = session::Session::create(folder / "run", test::oneCameraCell().text, board, 1);
     for (int view = 0; view < 12; ++view) {
       const auto cMo = Pose<Color, Board>::fromRotationVector(
           {0.5 * uniform(random), 0.5 * uniform(random), 0.4 * uniform(random)},
@@ -430,7 +428,7 @@ TEST(SolveApp, SolvesARecordedSession) {
       observation.robot->q = Eigen::VectorXd::Zero(6);
       observation.robot->bMe = bMc * cMo * eMo.inverse();
       StreamObservation seen;
-      seen.camera = defaultCell().cameras.front().name;
+      seen.camera = test::oneCameraCell().cameras.front().name;
       seen.width_px = 1920;
       seen.height_px = 1080;
       seen.detection.orientation_known = true;

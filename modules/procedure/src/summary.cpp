@@ -28,10 +28,10 @@ std::string usedOfFound(const std::vector<ViewResidual>& views) {
   return std::to_string(used) + " of " + std::to_string(views.size());
 }
 
-std::string intrinsicsText(const IntrinsicsResult& intrinsics) {
+std::string intrinsicsText(const char* what, const IntrinsicsResult& intrinsics) {
   const CameraModel& camera = intrinsics.camera;
   const bool solved = intrinsics.sigma.size() == camera.parameters.size();
-  std::string text = format("  Intrinsics, %d x %d px, %s, ", camera.width_px, camera.height_px, toString(camera.lens));
+  std::string text = format("  %s, %d x %d px, %s, ", what, camera.width_px, camera.height_px, toString(camera.lens));
   text += solved ? format("from %s views (%d corners), residual %.3f px RMS\n",
                           usedOfFound(intrinsics.views).c_str(), intrinsics.corners, intrinsics.rms_px)
                  : std::string("given\n");
@@ -105,7 +105,7 @@ std::string comparisonText(const HandEyeSolution& without, const HandEyeSolution
   return text + format("    camera turned by %.3f deg\n", angleRad(first, second) * kRadToDeg);
 }
 
-std::string coverageText(const CoverageSummary& coverage) {
+std::string coverageText(const char* what, const CoverageSummary& coverage) {
   int filled = 0, given_up = 0;
   std::string grid;
   for (int row = 0; row < coverage.cells_y; ++row) {
@@ -119,7 +119,7 @@ std::string coverageText(const CoverageSummary& coverage) {
     }
     grid += '\n';
   }
-  std::string text = format("  Coverage: %d of %d image cells hold %d corners or more, %d out of reach (-)\n", filled,
+  std::string text = format("  %s: %d of %d image cells hold %d corners or more, %d out of reach (-)\n", what, filled,
                             coverage.cells_x * coverage.cells_y, coverage.corners_to_fill, given_up) + grid;
   text += format("    views: %d near, %d far;", coverage.near_views, coverage.far_views);
   for (const auto& [bin, views] : coverage.tilt_bins) text += format(" %s %d", bin.c_str(), views);
@@ -134,11 +134,50 @@ std::string rejectedText(const std::vector<ViewResidual>& views) {
   return text;
 }
 
+std::string depthText(const DepthResult& depth) {
+  const DepthModel& model = depth.model;
+  const char* unit = model.sensor == DepthSensor::kStructuredLight ? "1/m" : "m";
+  std::string text =
+      format("  Depth, %s: offset %.5f %s, slope %.5f, lattice %d x %d; from %d views (%d patches)\n",
+             toString(model.sensor), model.offset, unit, model.slope, model.nodes_x, model.nodes_y, depth.views,
+             depth.patches) +
+      format("    against the board: %.2f mm RMS as measured, %.2f mm corrected. Fit, not accuracy.\n    sigma in the"
+             " middle of the image:",
+             depth.rms_before_m * 1e3, depth.rms_after_m * 1e3);
+  for (Eigen::Index i = 0; i < depth.sigma_m.size(); ++i) {
+    text += format(" %.2f mm at %.2f m%s", depth.sigma_m[i] * 1e3, depth.sigma_at_m[i],
+                   i + 1 < depth.sigma_m.size() ? "," : "");
+  }
+  text += format("; solved from %.2f to %.2f m\n", model.near_m, model.far_m);
+  for (const std::string& note : depth.notes) text += "    note: " + note + "\n";
+  return text;
+}
+
+std::string tiltText(const std::vector<TiltLimit>& limits, Stream stream) {
+  std::string text;
+  for (const TiltLimit& limit : limits) {
+    if (limit.stream != stream) continue;
+    text += format(" %s %.0f deg (%s)", limit.direction.c_str(), limit.limit_rad * kRadToDeg, limit.ended_by.c_str());
+  }
+  return text.empty() ? text : format("  Tilt limits, %s:", toString(stream)) + text + '\n';
+}
+
+std::string infraredText(const CameraResult& camera) {
+  std::string text = intrinsicsText("Infrared", *camera.infrared) + rejectedText(camera.infrared->views);
+  if (camera.color_infrared) {
+    const CameraPair& pair = *camera.color_infrared;
+    text += poseText("infrared in color (cMi)", pair.first_by_second, pair.covariance.diagonal().cwiseSqrt()) +
+            format("    %d views in which both saw the board, residual %.3f px RMS\n", camera.combined_views, pair.rms_px);
+  }
+  if (camera.depth) text += depthText(*camera.depth);
+  return text;
+}
+
 }  // namespace
 
 std::string line(const Event& event) {
-  std::string text = format("%6.1f s  %-9s %3d/%-3d", toSeconds(event.stamp), event.stage.c_str(), event.done,
-                            event.planned);
+  std::string text = format("%6.1f s  %-14s %-9s %3d/%-3d", toSeconds(event.stamp), event.camera.c_str(),
+                            event.stage.c_str(), event.done, event.planned);
   text += event.eta_s ? format("  ETA %4.0f s", *event.eta_s) : std::string("             ");
   if (event.rms_px) text += format("  reprojection %.3f px", *event.rms_px);
   if (event.scatter_m) text += format("  hand-eye scatter %.2f mm", *event.scatter_m * 1e3);
@@ -150,7 +189,7 @@ std::string summary(const CalibrationResult& result) {
   std::string text = result.goal_met ? "Goal met.\n" : "Goal not met:\n";
   for (const std::string& missing : result.missing) text += "  - " + missing + "\n";
   for (const CameraResult& camera : result.cameras) {
-    text += "Camera " + camera.camera + "\n" + intrinsicsText(camera.intrinsics) +
+    text += "Camera " + camera.camera + "\n" + intrinsicsText("Intrinsics", camera.intrinsics) +
             rejectedText(camera.intrinsics.views);
     if (camera.intrinsics_with_outliers) {
       text += comparisonText(camera.intrinsics, *camera.intrinsics_with_outliers);
@@ -161,14 +200,14 @@ std::string summary(const CalibrationResult& result) {
         text += comparisonText(*camera.hand_eye, *camera.hand_eye_with_outliers);
     }
     for (const std::string& note : camera.notes) text += "  Note: " + note + ".\n";
-    if (camera.coverage) text += coverageText(*camera.coverage);
-    if (!camera.tilt_limits.empty()) {
-      text += "  Tilt limits:";
-      for (const TiltLimit& limit : camera.tilt_limits) {
-        text += format(" %s %.0f deg (%s)", limit.direction.c_str(), limit.limit_rad * kRadToDeg, limit.ended_by.c_str());
-      }
-      text += '\n';
+    if (camera.held_out) {
+      text += format("  Held out: %d views that no solver saw, off by %.3f px and %.2f mm RMS, the robot's error included\n",
+                     camera.held_out->views, camera.held_out->rms_px, camera.held_out->rms_m * 1e3);
     }
+    if (camera.infrared) text += infraredText(camera);
+    if (camera.coverage) text += coverageText("Coverage", *camera.coverage);
+    if (camera.infrared_coverage) text += coverageText("Infrared coverage", *camera.infrared_coverage);
+    text += tiltText(camera.tilt_limits, Stream::kColor) + tiltText(camera.tilt_limits, Stream::kInfrared);
   }
   for (const CameraPair& pair : result.camera_pairs) {
     text += "Cameras " + pair.first + " and " + pair.second + "\n" +

@@ -15,7 +15,7 @@ constexpr int kStrideDeg = 15; // first strides; a board is lost once per direct
 struct Direction {
   const char* name;
   Eigen::Vector3d axis;  // in o: turns the board about its own centre
-  int cap_deg;
+  int cap_deg;  // a multiple of the stride
 };
 
 /// What one direction's search has found out about one stream.
@@ -44,8 +44,8 @@ bool sees(const Observation& observation, const Eye& eye) {
 void findTiltLimits(Run& run, Eye& color) {
   using Eigen::Vector3d;
   const std::vector<Direction> directions = {{"roll+", Vector3d::UnitZ(), 45},  {"roll-", -Vector3d::UnitZ(), 45},
-                                             {"pitch+", Vector3d::UnitX(), 85}, {"pitch-", -Vector3d::UnitX(), 85},
-                                             {"yaw+", Vector3d::UnitY(), 85},   {"yaw-", -Vector3d::UnitY(), 85}};
+                                             {"pitch+", Vector3d::UnitX(), 75}, {"pitch-", -Vector3d::UnitX(), 75},
+                                             {"yaw+", Vector3d::UnitY(), 75},   {"yaw-", -Vector3d::UnitY(), 75}};
   const int planned = static_cast<int>(directions.size());
   Eye* const infrared = run.find(color.camera(), Stream::kInfrared);
 

@@ -10,6 +10,7 @@
 #include <set>
 #include <sstream>
 
+#include "cells.h"
 #include "errors.h"
 
 namespace servocal {
@@ -17,7 +18,7 @@ namespace {
 
 using test::expectPart;
 
-/// The default cell with one change in its text, loaded as a file.
+/// The one-camera cell with one change in its text, loaded as a file.
 class CellFile : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -32,7 +33,7 @@ class CellFile : public ::testing::Test {
     std::ofstream(folder_ / "cell.yaml") << text;
     return loadCell(folder_ / "cell.yaml");
   }
-  /// The refusal of the default cell with `from` replaced by `to`, without the folder's name.
+  /// The refusal of that cell with `from` replaced by `to`, without the folder's name.
   std::string refusal(const std::string& from, const std::string& to) const {
     const std::string message = test::messageOf(ErrorKind::kInvalidConfig, [&] { load(changed(from, to)); });
     const std::string prefix = folder_.string() + "/";
@@ -40,14 +41,14 @@ class CellFile : public ::testing::Test {
     return message.substr(std::min(prefix.size(), message.size()));
   }
   static std::string changed(const std::string& from, const std::string& to) {
-    std::string text = defaultCell().text;
+    std::string text = test::oneCameraCell().text;
     const std::size_t at = text.find(from);
-    EXPECT_NE(at, std::string::npos) << "the default cell has no '" << from << "'";
+    EXPECT_NE(at, std::string::npos) << "the cell has no '" << from << "'";
     return text.replace(at, from.size(), to);
   }
-  /// Line of the default cell that holds `part`, as in "cell.yaml:12: ".
+  /// Line of that cell that holds `part`, as in "cell.yaml:12: ".
   static std::string at(const std::string& part) {
-    const std::string text = defaultCell().text;
+    const std::string text = test::oneCameraCell().text;
     const std::size_t position = text.find(part);
     EXPECT_NE(position, std::string::npos) << part;
     return "cell.yaml:" + std::to_string(1 + std::count(text.begin(), text.begin() + position, '\n')) + ": ";
@@ -56,7 +57,7 @@ class CellFile : public ::testing::Test {
   std::filesystem::path folder_;
 };
 
-TEST(DefaultCell, IsTheFileAndSaysTheIssuesLimits) {
+TEST(DefaultCell, IsTheFileAndThePapersCell) {
   const CellConfig cell = defaultCell();
   std::ostringstream file;
   file << std::ifstream(SERVOCAL_DEFAULT_CELL).rdbuf();
@@ -69,21 +70,27 @@ TEST(DefaultCell, IsTheFileAndSaysTheIssuesLimits) {
   EXPECT_EQ(cell.limits.max_speed_mps, 0.25);
   EXPECT_EQ(cell.limits.max_angular_speed_radps, 0.5);
   EXPECT_EQ(cell.limits.max_acceleration_mps2, 1.2);
-  ASSERT_EQ(cell.cameras.size(), 1u);
-  EXPECT_EQ(cell.cameras[0].width_px, 1920);
-  EXPECT_NEAR(cell.cameras[0].horizontal_fov_rad, 1.466, 1e-3);
+  ASSERT_EQ(cell.cameras.size(), 3u);
+  for (const std::size_t v2 : {0u, 1u}) {
+    EXPECT_EQ(cell.cameras[v2].width_px, 1920);
+    ASSERT_TRUE(cell.cameras[v2].infrared);
+    EXPECT_EQ(cell.cameras[v2].infrared->depth, DepthSensor::kTimeOfFlight);
+    EXPECT_FALSE(cell.cameras[v2].infrared->excludes_color);
+  }
+  ASSERT_TRUE(cell.cameras[2].infrared);
+  EXPECT_EQ(cell.cameras[2].infrared->depth, DepthSensor::kStructuredLight);
+  EXPECT_TRUE(cell.cameras[2].infrared->excludes_color);
   EXPECT_EQ(cell.arm.start_q.size(), 6);
   ASSERT_TRUE(cell.simulation.has_value());
   EXPECT_NEAR(cell.simulation->mount_rotation_spread_rad, 0.5236, 1e-4);
-  EXPECT_EQ(cell.simulation->cameras[0].distortion.size(), 5u);
   EXPECT_TRUE(cell.simulation->nominal_eMo.isFinite());
 }
 
-TEST_F(CellFile, DefaultTextLoadsAsAFile) {
-  const CellConfig cell = load(defaultCell().text);
+TEST_F(CellFile, TextLoadsAsAFile) {
+  const CellConfig cell = load(test::oneCameraCell().text);
   EXPECT_EQ(cell.file, folder_ / "cell.yaml");
-  EXPECT_EQ(cell.text, defaultCell().text);
-  EXPECT_EQ(cell.arm.start_q, defaultCell().arm.start_q);
+  EXPECT_EQ(cell.text, test::oneCameraCell().text);
+  EXPECT_EQ(cell.arm.start_q, test::oneCameraCell().arm.start_q);
 }
 
 TEST_F(CellFile, MisspelledKeys) {
@@ -131,14 +138,14 @@ TEST_F(CellFile, CamerasAreNamedOnceAndSimulatedOnce) {
                      "cameras:\n  - {name: cam2, backend: sim, width_px: 640, "
                      "height_px: 480, horizontal_fov_deg: 60}\n  - name: cam1\n"),
              "camera 'cam2' has the backend 'sim' but is missing in 'simulation.cameras'");
-  const std::string text = defaultCell().text;
+  const std::string text = test::oneCameraCell().text;
   const std::size_t from = text.find("cameras:\n"), to = text.find("coverage:\n");
   expectPart(refusal(text.substr(from, to - from), "cameras: []\n"),
              "'cameras' must list at least one camera");
 }
 
 TEST_F(CellFile, SimulationIsDemandedBySimulatedBackends) {
-  const std::string text = defaultCell().text;
+  const std::string text = test::oneCameraCell().text;
   expectPart(refusal(text.substr(text.find("simulation:\n")), ""),
              "missing key 'simulation': the backend 'sim' needs it");
 }

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cells.h"
 #include "fake_arm.h"
 
 namespace servocal::plan {
@@ -13,7 +14,7 @@ namespace {
 
 /// The default cell's arm in front of a camera that looks at it, everything known exactly.
 struct PlanScene {
-  explicit PlanScene(const MotionLimits& motion = defaultCell().limits) : limits(motion) {
+  explicit PlanScene(const MotionLimits& motion = test::oneCameraCell().limits) : limits(motion) {
     belief.camera = CameraModel::fromFieldOfView(1920, 1080, 1.466);
     Eigen::Matrix3d looking_back;  // camera at x = 1.15 looking along -x, y down
     looking_back << 0, 0, -1, 1, 0, 0, 0, -1, 0;
@@ -32,7 +33,7 @@ struct PlanScene {
     return pixels;
   }
 
-  CellConfig cell = defaultCell();
+  CellConfig cell = test::oneCameraCell();
   MotionLimits limits;
   SimulatedClock clock;
   robot::Kinematics kinematics{cell.arm};
@@ -115,7 +116,7 @@ TEST(NextView, DoesNotProposeAgainWhatFailed) {
 
 // A box the arm may not leave: cells whose views lie outside are named, none of them is proposed.
 TEST(NextView, NamesCellsOutOfReach) {
-  MotionLimits limits = defaultCell().limits;
+  MotionLimits limits = test::oneCameraCell().limits;
   limits.workspace.min_m.z() = 0.35;  // the lower part of the image cannot be reached
   PlanScene scene(limits);
   std::vector<int> unreachable;

@@ -5,6 +5,7 @@
 
 #include <random>
 
+#include "cells.h"
 #include "errors.h"
 #include "servocal/robot/kinematics.h"
 #include "servocal/robot/path_planner.h"
@@ -21,14 +22,14 @@ Eigen::VectorXd degrees(std::initializer_list<double> values) {
 }
 
 CollisionModel defaultModel() {
-  const CellConfig cell = defaultCell();
+  const CellConfig cell = test::oneCameraCell();
   CollisionModel model(cell.arm, cell.limits.keep_out, cell.board);
   model.setBoard(kMount);
   return model;
 }
 
 TEST(Collision, NothingTouchesWhereTheDefaultCellStarts) {
-  const CellConfig cell = defaultCell();
+  const CellConfig cell = test::oneCameraCell();
   const CollisionModel model = defaultModel();
   EXPECT_FALSE(model.contact(cell.arm.start_q).has_value()) << *model.contact(cell.arm.start_q);
   EXPECT_GT(model.clearance(cell.arm.start_q), 0.02);
@@ -45,7 +46,7 @@ TEST(Collision, NamesWhatTouches) {
 }
 
 TEST(Collision, AKeepOutBoxStopsElbowAndBoardButNotTheFootThatStandsInIt) {
-  const CellConfig cell = defaultCell();
+  const CellConfig cell = test::oneCameraCell();
   // Stretched out along x at shoulder height.
   const Eigen::VectorXd stretched = degrees({180, 0, 0, 0, 0, 0});
   const Pose<Base, EndEffector> bMe = Kinematics(cell.arm).forward(stretched);
@@ -73,7 +74,7 @@ TEST(Collision, AKeepOutBoxStopsElbowAndBoardButNotTheFootThatStandsInIt) {
 // Independent of FCL: points on the forearm's tube, by robot::Kinematics of a URDF cut at the wrist, against
 // the distance of a point to a box.
 TEST(Collision, AgreesWithPointsOnTheForearm) {
-  const CellConfig cell = defaultCell();
+  const CellConfig cell = test::oneCameraCell();
   ArmConfig to_forearm = cell.arm;
   to_forearm.flange_link = "forearm_link";
   const Kinematics forearm(to_forearm);
@@ -112,7 +113,7 @@ TEST(Collision, AgreesWithPointsOnTheForearm) {
 
 class Planning : public ::testing::Test {
  protected:
-  CellConfig cell = defaultCell();
+  CellConfig cell = test::oneCameraCell();
   Kinematics kinematics{cell.arm};
   Box post{"post", {0.35, -0.15, 0.0}, {0.55, 0.15, 0.7}};
   CollisionModel model{cell.arm, {post}, cell.board};

@@ -5,9 +5,9 @@
 #include <memory>
 #include <random>
 
+#include "cells.h"
 #include "errors.h"
 #include "fake_arm.h"
-#include "servocal/robot/guard.h"
 #include "shape_gap.h"
 
 namespace servocal::robot {
@@ -65,7 +65,7 @@ class GuardLinks : public ::testing::Test {
     return hold([&] { return guard->commandJoints(jointSpeed(joint, radps)); }, seconds);
   }
 
-  CellConfig cell = defaultCell();
+  CellConfig cell = test::oneCameraCell();
   Kinematics kinematics{cell.arm};
   SimulatedClock clock;
   std::unique_ptr<FakeArm> arm;
@@ -189,7 +189,7 @@ TEST_F(GuardLinks, ChangingTheKindOfCommandBrakesFirst) {
 
 // Two ways to the same number: closed forms and FCL.
 TEST(CollisionGaps, AgreeWithFcl) {
-  CellConfig cell = defaultCell();
+  CellConfig cell = test::oneCameraCell();
   CollisionModel model(cell.arm, {{"post", {0.3, -0.1, 0.0}, {0.45, 0.1, 0.6}}}, cell.board);
   model.setObstacles({{"ball", {-0.4, 0.2, 0.5}, 0.1}});
   model.setBoard(kMount);
@@ -228,7 +228,7 @@ TEST(ShapeGap, GrowsNegativeAsACapsuleEntersABox) {
 
 // A joint turns nothing farther than travel() says.
 TEST(CollisionGaps, TravelBoundsWhatMoves) {
-  CellConfig cell = defaultCell();
+  CellConfig cell = test::oneCameraCell();
   CollisionModel model(cell.arm, {}, cell.board);
   model.setBoard(kMount);
   const Kinematics kinematics(cell.arm);

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "cells.h"
 #include "errors.h"
 #include "fake_arm.h"
 #include "servocal/robot/path_planner.h"
@@ -26,7 +27,7 @@ class PlanTo : public ::testing::Test {
     guard = std::make_unique<Guard>(arm, kinematics, clock, cell);
     guard->setBoard(std::nullopt);
   }
-  CellConfig cell = defaultCell();
+  CellConfig cell = test::oneCameraCell();
   Kinematics kinematics{cell.arm};
   SimulatedClock clock;
   Eigen::VectorXd left = degrees({215, -60, 90, -30, 90, 0}), right = degrees({145, -60, 90, -30, 90, 0});

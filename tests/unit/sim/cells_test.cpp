@@ -42,7 +42,7 @@ void expectPart(const std::string& whole, const std::string& part) {
 }
 
 TEST(Cells, EveryCameraSeesTheBoardAtTheStart) {
-  for (const char* name : {"one_camera.yaml", "paper.yaml", "panda.yaml", "eye_in_hand.yaml"}) {
+  for (const char* name : {"one_camera.yaml", "panda.yaml", "eye_in_hand.yaml"}) {
     const CellConfig config = loadCell(kCells / name);
     for (std::uint64_t seed = 1; seed <= 30; ++seed) {
       Cell cell(config, seed);
@@ -65,7 +65,7 @@ TEST(Cells, EveryCameraSeesTheBoardAtTheStart) {
 }
 
 TEST(Cells, ThePapersCellCanBeFilled) {
-  const CellConfig config = loadCell(kCells / "paper.yaml");
+  const CellConfig config = defaultCell();
   for (const CameraConfig& camera : config.cameras) {
     for (const Stream stream : {Stream::kColor, Stream::kInfrared}) {
       test::ReachSearch search;
@@ -84,7 +84,7 @@ TEST(Cells, ThePapersCellCanBeFilled) {
 }
 
 TEST(Cells, V2CamerasStandAt45DegreesToTheSides) {
-  const CellConfig config = loadCell(kCells / "paper.yaml");
+  const CellConfig config = defaultCell();
   for (const SimulatedCameraConfig& camera : config.simulation->cameras) {
     const Eigen::Vector3d towards = camera.look_at_m - camera.position_m;
     const double degrees = std::atan2(towards.y(), -towards.x()) * 180.0 / M_PI;
@@ -94,7 +94,7 @@ TEST(Cells, V2CamerasStandAt45DegreesToTheSides) {
 }
 
 TEST(SimulationSection, InfraredDefaultsAreTheKinects) {
-  const CellConfig config = loadCell(kCells / "paper.yaml");
+  const CellConfig config = defaultCell();
   const SimulatedInfraredConfig v2 = SimulatedInfraredConfig::like(*config.cameras[0].infrared);
   const SimulatedInfraredConfig v1 = SimulatedInfraredConfig::like(*config.cameras[2].infrared);
   EXPECT_NEAR(v2.focal_px, 366.0, 1.0);
@@ -106,7 +106,7 @@ TEST(SimulationSection, InfraredDefaultsAreTheKinects) {
 }
 
 TEST(SimulationSection, InfraredAndFaultsAreRead) {
-  std::string text = textOf("paper.yaml");
+  std::string text = defaultCell().text;
   text += R"(      infrared:
         black: 0.3
         depth:
@@ -140,7 +140,7 @@ TEST(SimulationSection, InfraredAndFaultsAreRead) {
 }
 
 TEST(SimulationSection, MistakesAreRefused) {
-  const std::string paper = textOf("paper.yaml");
+  const std::string paper = defaultCell().text;
   const auto faultSaid = [&](const std::string& fault) {
     return refusal(paper, "  cameras:\n    - name: left\n      position_m",
                    "  faults:\n    - " + fault + "\n  cameras:\n    - name: left\n      position_m");
