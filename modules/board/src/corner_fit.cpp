@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "error_function.h"
+#include "normal_sums.h"
 
 namespace servocal::board {
 namespace {
@@ -114,7 +115,7 @@ std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess
   if (!collect(gray, guess, normal_u, normal_v, samples)) return std::nullopt;
 
   // Parameters: position (2), level, step, light gradient (2), and the two blurs if wanted.
-  constexpr int kMost = 8;
+  constexpr int kMost = NormalSums::kMost;
   const int count = guess.fit_blur ? 8 : 6;
   using Normal = Eigen::Matrix<double, kMost, kMost>;
   using Vector = Eigen::Matrix<double, kMost, 1>;
@@ -142,16 +143,17 @@ std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess
   }
   if (std::abs(step) < 2.0) return std::nullopt;
 
+  thread_local NormalSums sums;
   Normal normal;
   double residual = 0.0;
   const int most_iterations = guess.fit_blur ? 6 : 5;
   for (int iteration = 0;; ++iteration) {
-    normal.setZero();
-    Vector right = Vector::Zero();
+    sums.reset(count, samples.size());
     double squares = 0.0;
     const double inverse_u = 1.0 / blur.x();
     const double inverse_v = 1.0 / blur.y();
-    for (const Sample& sample : samples) {
+    for (std::size_t k = 0; k < samples.size(); ++k) {
+      const Sample& sample = samples[k];
       const double dx = sample.x - position.x();
       const double dy = sample.y - position.y();
       const double t1 = (normal_u.x() * dx + normal_u.y() * dy) * inverse_u;
@@ -165,22 +167,24 @@ std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess
       squares += error * error;
       const double by_d1 = step * brightness * p1.slope * p2.value;  // Per unit of t1.
       const double by_d2 = step * brightness * p1.value * p2.slope;
-      std::array<double, kMost> j;
-      j[0] = -(by_d1 * inverse_u * normal_u.x() + by_d2 * inverse_v * normal_v.x());
-      j[1] = -(by_d1 * inverse_u * normal_u.y() + by_d2 * inverse_v * normal_v.y());
-      j[2] = brightness;
-      j[3] = brightness * s;
-      j[4] = tone * sample.x;
-      j[5] = tone * sample.y;
+      const auto set = [&](int parameter, double value) {
+        sums.derivative(parameter, k) = static_cast<float>(value);
+      };
+      set(0, -(by_d1 * inverse_u * normal_u.x() + by_d2 * inverse_v * normal_v.x()));
+      set(1, -(by_d1 * inverse_u * normal_u.y() + by_d2 * inverse_v * normal_v.y()));
+      set(2, brightness);
+      set(3, brightness * s);
+      set(4, tone * sample.x);
+      set(5, tone * sample.y);
       if (guess.fit_blur) {
-        j[6] = -step * brightness * p1.spread * p2.value * inverse_u;
-        j[7] = -step * brightness * p1.value * p2.spread * inverse_v;
+        set(6, -step * brightness * p1.spread * p2.value * inverse_u);
+        set(7, -step * brightness * p1.value * p2.spread * inverse_v);
       }
-      for (int a = 0; a < count; ++a) {
-        right[a] += j[a] * error;
-        for (int b = 0; b <= a; ++b) normal(a, b) += j[a] * j[b];
-      }
+      sums.error(k) = static_cast<float>(error);
     }
+    normal.setZero();
+    Vector right = Vector::Zero();
+    sums.sum(normal, right);
     residual = std::sqrt(squares / std::max<double>(samples.size() - count, 4));
     if (iteration == most_iterations) break;
     // A little damping of what small windows leave undetermined: blur and light.
@@ -201,13 +205,16 @@ std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess
     level += change[2];
     step += change[3];
     light += change.segment<2>(4);
+    bool settled = move.norm() < (guess.fit_blur ? 1e-2 : 2e-3) && iteration >= 1;
     if (guess.fit_blur) {
-      for (int k = 0; k < 2; ++k)
+      for (int k = 0; k < 2; ++k) {
+        settled = settled && std::abs(change[6 + k]) < 0.03 * blur[k];
         blur[k] = std::clamp(blur[k] + change[6 + k], std::max(kMinBlur, 0.6 * blur[k]),
                              std::min(kMaxBlur, 1.6 * blur[k]));
+      }
     }
     if (position.norm() > max_shift) return std::nullopt;
-    if (!guess.fit_blur && move.norm() < 2e-3 && iteration >= 1) break;
+    if (settled) break;
   }
 
   // Information on the position once the other parameters have taken theirs.
