@@ -20,13 +20,15 @@ using Eigen::Vector2d;
 // Brightness across parallel edges `apart` from each other: -1 and 1 in turn, blurred.
 struct Profile {
   double value, slope;  // Slope by distance in units of blur.
-  double spread;        // -slope by the logarithm of blur.
+  double spread;        // -slope by the logarithm of blur; t * slope for a single edge.
+  double curl;          // (t^2 - 1) * slope for a single edge.
 };
 
 Profile profile(const ErrorFunction& error_function, double t, double apart) {
   Profile result;
   error_function.at(t, result.value, result.slope);
   result.spread = t * result.slope;
+  result.curl = (t * t - 1) * result.slope;
   if (apart - std::abs(t) < 4.0) {
     // The next edges show through.
     for (const double next : {t - apart, t + apart}) {
@@ -35,9 +37,25 @@ Profile profile(const ErrorFunction& error_function, double t, double apart) {
       result.value -= value;
       result.slope -= slope;
       result.spread -= next * slope;
+      result.curl -= (next * next - 1) * slope;
     }
   }
   return result;
+}
+
+// Brightness where two families of edges cross, and its slopes by the two distances. Blur across one edge moves
+// the other as well unless they are at right angles: the mean of a product of two signs whose arguments are
+// normal with correlation rho, as a series in rho (the tetrachoric series, Pearson 1900), to its third power.
+struct Crossing {
+  double value, by_first, by_second;
+};
+
+Crossing cross(const Profile& first, const Profile& second, double rho) {
+  const double half = 0.5 * rho * rho, sixth = rho * half / 3.0;
+  return {first.value * second.value + rho * first.slope * second.slope + half * first.spread * second.spread +
+              sixth * first.curl * second.curl,
+          first.slope * second.value - rho * first.spread * second.slope - half * first.curl * second.spread,
+          first.value * second.slope - rho * first.slope * second.spread - half * first.spread * second.curl};
 }
 
 struct Sample {
@@ -126,14 +144,22 @@ std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess
   const double radius = 0.25 * std::min(guess.axes.col(0).norm(), guess.axes.col(1).norm());
   const double max_shift = std::max(1.5, radius);
 
+  // Correlation of the blur across the two edges.
+  const auto correlation = [&] {
+    const double rho =
+        normal_u.dot(normal_v) * 0.5 * (blur.x() / blur.y() + blur.y() / blur.x());
+    return std::clamp(rho, -0.95, 0.95);
+  };
+
   // Level and step by linear regression at the guess.
   {
     double n = 0, s1 = 0, s2 = 0, g1 = 0, gs = 0;
     for (const Sample& sample : samples) {
       const double t1 = (normal_u.x() * sample.x + normal_u.y() * sample.y) / blur.x();
       const double t2 = (normal_v.x() * sample.x + normal_v.y() * sample.y) / blur.y();
-      const double s = profile(error_function, t1, apart_u / blur.x()).value *
-                       profile(error_function, t2, apart_v / blur.y()).value;
+      const double s = cross(profile(error_function, t1, apart_u / blur.x()),
+                             profile(error_function, t2, apart_v / blur.y()), correlation())
+                           .value;
       n += 1, s1 += s, s2 += s * s, g1 += sample.gray, gs += sample.gray * s;
     }
     const double det = n * s2 - s1 * s1;
@@ -152,6 +178,7 @@ std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess
     double squares = 0.0;
     const double inverse_u = 1.0 / blur.x();
     const double inverse_v = 1.0 / blur.y();
+    const double rho = correlation();
     for (std::size_t k = 0; k < samples.size(); ++k) {
       const Sample& sample = samples[k];
       const double dx = sample.x - position.x();
@@ -160,13 +187,14 @@ std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess
       const double t2 = (normal_v.x() * dx + normal_v.y() * dy) * inverse_v;
       const Profile p1 = profile(error_function, t1, apart_u * inverse_u);
       const Profile p2 = profile(error_function, t2, apart_v * inverse_v);
-      const double s = p1.value * p2.value;
+      const Crossing crossing = cross(p1, p2, rho);
+      const double s = crossing.value;
       const double tone = level + step * s;
       const double brightness = 1.0 + light.x() * sample.x + light.y() * sample.y;
       const double error = sample.gray - tone * brightness;
       squares += error * error;
-      const double by_d1 = step * brightness * p1.slope * p2.value;  // Per unit of t1.
-      const double by_d2 = step * brightness * p1.value * p2.slope;
+      const double by_d1 = step * brightness * crossing.by_first;  // Per unit of t1.
+      const double by_d2 = step * brightness * crossing.by_second;
       const auto set = [&](int parameter, double value) {
         sums.derivative(parameter, k) = static_cast<float>(value);
       };

@@ -108,6 +108,29 @@ bool showsCorners(const cv::Mat& gray, const Grid& grid, const Checkerboard& boa
   return 3 * hidden <= count;  // Counted twice, by row and by column.
 }
 
+// True if no line's edges rise over a longer way than those of the others beside it: blur is much the same all over
+// the board, but a strip over a line of corners, however thin and whatever its gray, makes one edge into two.
+bool edgesAreAlike(const Grid& grid) {
+  constexpr double kMost = 1.3;  // Rendered boards reach 1.1.
+  std::vector<double> across_u, across_v;
+  for (const CornerFit& corner : grid.corners) {
+    across_u.push_back(corner.blur_px.x());
+    across_v.push_back(corner.blur_px.y());
+  }
+  const double typical_u = median(across_u), typical_v = median(across_v);
+  for (int row = 0; row < grid.rows; ++row) {
+    std::vector<double> line;
+    for (int column = 0; column < grid.columns; ++column) line.push_back(grid.at(column, row).blur_px.x());
+    if (median(line) > kMost * typical_u) return false;
+  }
+  for (int column = 0; column < grid.columns; ++column) {
+    std::vector<double> line;
+    for (int row = 0; row < grid.rows; ++row) line.push_back(grid.at(column, row).blur_px.y());
+    if (median(line) > kMost * typical_v) return false;
+  }
+  return true;
+}
+
 // True if it looks as if dots were taken for squares: between the dots of a perforated sheet, whose rows cross like
 // squares set on edge. However blurred, a checkerboard is black and white in equal parts, so that a corner is as
 // bright as the mean of its squares (unless the camera's response is curved), and as bright as the middle of an
@@ -146,7 +169,7 @@ bool showsDots(const cv::Mat& gray, const Grid& grid) {
 }  // namespace
 
 bool isWholeBoard(const cv::Mat& gray, const Grid& grid, const Checkerboard& board, double rim_squares) {
-  if (!showsCorners(gray, grid, board) || showsDots(gray, grid)) return false;
+  if (!showsCorners(gray, grid, board) || !edgesAreAlike(grid) || showsDots(gray, grid)) return false;
   const int radius = std::clamp(static_cast<int>(0.1 * grid.smallestSpacing()), 0, 3);
   // Cells are numbered from -1 (outside the first corner) to columns - 1; even sums share a color.
   const auto cellIsWhite = [&](int column, int row) {
