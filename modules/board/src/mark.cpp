@@ -44,6 +44,7 @@ double rectangle(const Box& u, const Box& v, double rho) {
 struct CornerCell {
   double hollow = 0.0;    // 1: hollow as printed; 0: solid.
   double residual = 1.0;  // RMS of what neither explains, in units of white minus black.
+  bool is_cell = true;    // Contrast as on the rest of the board: a square, hollow or not.
 };
 
 std::optional<CornerCell> measureCornerCell(const cv::Mat& gray, const Grid& grid,
@@ -96,8 +97,8 @@ std::optional<CornerCell> measureCornerCell(const cv::Mat& gray, const Grid& gri
   const Eigen::Vector3d solution = solver.solve(right);
   if (!solution.allFinite()) return std::nullopt;
   const double contrast = 2.0 * grid.step;  // White minus black of the whole board.
-  if (solution[1] < 0.4 * contrast || solution[1] > 2.5 * contrast) return std::nullopt;
   CornerCell cell;
+  cell.is_cell = solution[1] > 0.4 * contrast && solution[1] < 2.5 * contrast;
   cell.hollow = solution[2] / solution[1];
   cell.residual = std::sqrt(std::max(squares - solution.dot(right), 0.0) / count) / solution[1];
   // How strongly the white inside shows through the blur at all.
@@ -155,13 +156,15 @@ MarkResult findTurn(const cv::Mat& gray, const Grid& grid, const Checkerboard& b
   constexpr double kMostResidual = 0.2;
   std::vector<Turn> hollow;
   bool clear = true;
+  int foreign = 0;  // Places of the mark where nothing looks like a square of the board, solid or hollow.
   for (int quarters = 0; quarters < 4; ++quarters) {
     const Turn turn{quarters};
     const auto cell = measureCornerCell(gray, grid, turn.firstCorner(), board);
     const bool possible = std::any_of(result.turns.begin(), result.turns.end(),
                                       [&](const Turn& t) { return t.quarters == quarters; });
-    if (!cell) {
+    if (!cell || !cell->is_cell) {
       clear = clear && !possible;
+      foreign += possible && cell.has_value();
       continue;
     }
     const bool is_hollow =
@@ -174,6 +177,8 @@ MarkResult findTurn(const cv::Mat& gray, const Grid& grid, const Checkerboard& b
       clear = false;
     }
   }
+  // Something may hide one of the squares, but not all that could be the mark.
+  if (foreign == static_cast<int>(result.turns.size())) return {};
   if (clear && hollow.size() == 1) {
     result.status = MarkStatus::kFound;
     result.turns = hollow;

@@ -112,23 +112,33 @@ bool showsCorners(const cv::Mat& gray, const Grid& grid, const Checkerboard& boa
 // the board, but a strip over a line of corners, however thin and whatever its gray, makes one edge into two.
 bool edgesAreAlike(const Grid& grid) {
   constexpr double kMost = 1.3;  // Rendered boards reach 1.1.
-  std::vector<double> across_u, across_v;
-  for (const CornerFit& corner : grid.corners) {
-    across_u.push_back(corner.blur_px.x());
-    across_v.push_back(corner.blur_px.y());
-  }
-  const double typical_u = median(across_u), typical_v = median(across_v);
-  for (int row = 0; row < grid.rows; ++row) {
-    std::vector<double> line;
-    for (int column = 0; column < grid.columns; ++column) line.push_back(grid.at(column, row).blur_px.x());
-    if (median(line) > kMost * typical_u) return false;
-  }
-  for (int column = 0; column < grid.columns; ++column) {
-    std::vector<double> line;
-    for (int row = 0; row < grid.rows; ++row) line.push_back(grid.at(column, row).blur_px.y());
-    if (median(line) > kMost * typical_v) return false;
-  }
-  return true;
+  // With more blur than this a line of edges is a sine wave, whose height and rise are one and the same.
+  constexpr double kSineBlur = 0.2;  // squares
+  const bool is_sine = grid.blur_px.maxCoeff() > kSineBlur * grid.smallestSpacing();
+  const auto isAlike = [&](int lines, int length, const auto& blurAt, const auto& stepAt) {
+    std::vector<double> blurs, steps;
+    for (int k = 0; k < lines; ++k) {
+      std::vector<double> blur, step;
+      for (int place = 0; place < length; ++place) {
+        blur.push_back(blurAt(k, place));
+        step.push_back(std::abs(stepAt(k, place)));
+      }
+      blurs.push_back(median(blur));
+      steps.push_back(median(step));
+    }
+    const double typical_blur = median(blurs);
+    for (int k = 0; k < lines; ++k) {
+      double rise = blurs[k] / typical_blur;
+      const double beside = 0.5 * (steps[k > 0 ? k - 1 : k + 1] + steps[k < lines - 1 ? k + 1 : k - 1]);
+      if (is_sine) rise *= std::max(beside / steps[k], 1.0);
+      if (rise > kMost) return false;
+    }
+    return true;
+  };
+  return isAlike(grid.rows, grid.columns, [&](int k, int place) { return grid.at(place, k).blur_px.x(); },
+                 [&](int k, int place) { return grid.at(place, k).step; }) &&
+         isAlike(grid.columns, grid.rows, [&](int k, int place) { return grid.at(k, place).blur_px.y(); },
+                 [&](int k, int place) { return grid.at(k, place).step; });
 }
 
 // True if it looks as if dots were taken for squares: between the dots of a perforated sheet, whose rows cross like
