@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "error_function.h"
+#include "normal_sums.h"
 
 namespace servocal::board {
 namespace {
@@ -19,13 +20,15 @@ using Eigen::Vector2d;
 // Brightness across parallel edges `apart` from each other: -1 and 1 in turn, blurred.
 struct Profile {
   double value, slope;  // Slope by distance in units of blur.
-  double spread;        // -slope by the logarithm of blur.
+  double spread;        // -slope by the logarithm of blur; t * slope for a single edge.
+  double curl;          // (t^2 - 1) * slope for a single edge.
 };
 
 Profile profile(const ErrorFunction& error_function, double t, double apart) {
   Profile result;
   error_function.at(t, result.value, result.slope);
   result.spread = t * result.slope;
+  result.curl = (t * t - 1) * result.slope;
   if (apart - std::abs(t) < 4.0) {
     // The next edges show through.
     for (const double next : {t - apart, t + apart}) {
@@ -34,9 +37,25 @@ Profile profile(const ErrorFunction& error_function, double t, double apart) {
       result.value -= value;
       result.slope -= slope;
       result.spread -= next * slope;
+      result.curl -= (next * next - 1) * slope;
     }
   }
   return result;
+}
+
+// Brightness where two families of edges cross, and its slopes by the two distances. Blur across one edge moves
+// the other as well unless they are at right angles: the mean of a product of two signs whose arguments are
+// normal with correlation rho, as a series in rho (the tetrachoric series, Pearson 1900), to its third power.
+struct Crossing {
+  double value, by_first, by_second;
+};
+
+Crossing cross(const Profile& first, const Profile& second, double rho) {
+  const double half = 0.5 * rho * rho, sixth = rho * half / 3.0;
+  return {first.value * second.value + rho * first.slope * second.slope + half * first.spread * second.spread +
+              sixth * first.curl * second.curl,
+          first.slope * second.value - rho * first.spread * second.slope - half * first.curl * second.spread,
+          first.value * second.slope - rho * first.slope * second.spread - half * first.spread * second.curl};
 }
 
 struct Sample {
@@ -114,7 +133,7 @@ std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess
   if (!collect(gray, guess, normal_u, normal_v, samples)) return std::nullopt;
 
   // Parameters: position (2), level, step, light gradient (2), and the two blurs if wanted.
-  constexpr int kMost = 8;
+  constexpr int kMost = NormalSums::kMost;
   const int count = guess.fit_blur ? 8 : 6;
   using Normal = Eigen::Matrix<double, kMost, kMost>;
   using Vector = Eigen::Matrix<double, kMost, 1>;
@@ -125,14 +144,22 @@ std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess
   const double radius = 0.25 * std::min(guess.axes.col(0).norm(), guess.axes.col(1).norm());
   const double max_shift = std::max(1.5, radius);
 
+  // Correlation of the blur across the two edges.
+  const auto correlation = [&] {
+    const double rho =
+        normal_u.dot(normal_v) * 0.5 * (blur.x() / blur.y() + blur.y() / blur.x());
+    return std::clamp(rho, -0.95, 0.95);
+  };
+
   // Level and step by linear regression at the guess.
   {
     double n = 0, s1 = 0, s2 = 0, g1 = 0, gs = 0;
     for (const Sample& sample : samples) {
       const double t1 = (normal_u.x() * sample.x + normal_u.y() * sample.y) / blur.x();
       const double t2 = (normal_v.x() * sample.x + normal_v.y() * sample.y) / blur.y();
-      const double s = profile(error_function, t1, apart_u / blur.x()).value *
-                       profile(error_function, t2, apart_v / blur.y()).value;
+      const double s = cross(profile(error_function, t1, apart_u / blur.x()),
+                             profile(error_function, t2, apart_v / blur.y()), correlation())
+                           .value;
       n += 1, s1 += s, s2 += s * s, g1 += sample.gray, gs += sample.gray * s;
     }
     const double det = n * s2 - s1 * s1;
@@ -142,45 +169,50 @@ std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess
   }
   if (std::abs(step) < 2.0) return std::nullopt;
 
+  thread_local NormalSums sums;
   Normal normal;
   double residual = 0.0;
   const int most_iterations = guess.fit_blur ? 6 : 5;
   for (int iteration = 0;; ++iteration) {
-    normal.setZero();
-    Vector right = Vector::Zero();
+    sums.reset(count, samples.size());
     double squares = 0.0;
     const double inverse_u = 1.0 / blur.x();
     const double inverse_v = 1.0 / blur.y();
-    for (const Sample& sample : samples) {
+    const double rho = correlation();
+    for (std::size_t k = 0; k < samples.size(); ++k) {
+      const Sample& sample = samples[k];
       const double dx = sample.x - position.x();
       const double dy = sample.y - position.y();
       const double t1 = (normal_u.x() * dx + normal_u.y() * dy) * inverse_u;
       const double t2 = (normal_v.x() * dx + normal_v.y() * dy) * inverse_v;
       const Profile p1 = profile(error_function, t1, apart_u * inverse_u);
       const Profile p2 = profile(error_function, t2, apart_v * inverse_v);
-      const double s = p1.value * p2.value;
+      const Crossing crossing = cross(p1, p2, rho);
+      const double s = crossing.value;
       const double tone = level + step * s;
       const double brightness = 1.0 + light.x() * sample.x + light.y() * sample.y;
       const double error = sample.gray - tone * brightness;
       squares += error * error;
-      const double by_d1 = step * brightness * p1.slope * p2.value;  // Per unit of t1.
-      const double by_d2 = step * brightness * p1.value * p2.slope;
-      std::array<double, kMost> j;
-      j[0] = -(by_d1 * inverse_u * normal_u.x() + by_d2 * inverse_v * normal_v.x());
-      j[1] = -(by_d1 * inverse_u * normal_u.y() + by_d2 * inverse_v * normal_v.y());
-      j[2] = brightness;
-      j[3] = brightness * s;
-      j[4] = tone * sample.x;
-      j[5] = tone * sample.y;
+      const double by_d1 = step * brightness * crossing.by_first;  // Per unit of t1.
+      const double by_d2 = step * brightness * crossing.by_second;
+      const auto set = [&](int parameter, double value) {
+        sums.derivative(parameter, k) = static_cast<float>(value);
+      };
+      set(0, -(by_d1 * inverse_u * normal_u.x() + by_d2 * inverse_v * normal_v.x()));
+      set(1, -(by_d1 * inverse_u * normal_u.y() + by_d2 * inverse_v * normal_v.y()));
+      set(2, brightness);
+      set(3, brightness * s);
+      set(4, tone * sample.x);
+      set(5, tone * sample.y);
       if (guess.fit_blur) {
-        j[6] = -step * brightness * p1.spread * p2.value * inverse_u;
-        j[7] = -step * brightness * p1.value * p2.spread * inverse_v;
+        set(6, -step * brightness * p1.spread * p2.value * inverse_u);
+        set(7, -step * brightness * p1.value * p2.spread * inverse_v);
       }
-      for (int a = 0; a < count; ++a) {
-        right[a] += j[a] * error;
-        for (int b = 0; b <= a; ++b) normal(a, b) += j[a] * j[b];
-      }
+      sums.error(k) = static_cast<float>(error);
     }
+    normal.setZero();
+    Vector right = Vector::Zero();
+    sums.sum(normal, right);
     residual = std::sqrt(squares / std::max<double>(samples.size() - count, 4));
     if (iteration == most_iterations) break;
     // A little damping of what small windows leave undetermined: blur and light.
@@ -201,13 +233,16 @@ std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess
     level += change[2];
     step += change[3];
     light += change.segment<2>(4);
+    bool settled = move.norm() < (guess.fit_blur ? 1e-2 : 2e-3) && iteration >= 1;
     if (guess.fit_blur) {
-      for (int k = 0; k < 2; ++k)
+      for (int k = 0; k < 2; ++k) {
+        settled = settled && std::abs(change[6 + k]) < 0.03 * blur[k];
         blur[k] = std::clamp(blur[k] + change[6 + k], std::max(kMinBlur, 0.6 * blur[k]),
                              std::min(kMaxBlur, 1.6 * blur[k]));
+      }
     }
     if (position.norm() > max_shift) return std::nullopt;
-    if (!guess.fit_blur && move.norm() < 2e-3 && iteration >= 1) break;
+    if (settled) break;
   }
 
   // Information on the position once the other parameters have taken theirs.

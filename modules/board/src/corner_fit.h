@@ -28,12 +28,13 @@ struct CornerFit {
   Eigen::Matrix2d structure;  ///< Inverse of the covariance at unit image noise, 1/px^2.
   double step = 0.0;          ///< Brightness: > 0 if brighter where u and v grow together.
   double residual = 0.0;      ///< RMS over the pixels used, gray levels.
-  Eigen::Vector2d blur_px;
+  Eigen::Vector2d blur_px;    ///< Across the edges along u and along v; as given if it was not to be fitted.
   int pixels = 0;
 };
 
 /// Fits the picture of a blurred corner, brightness = level + step * erf(d1) * erf(d2) with d1, d2 the
-/// distances from its two edges in units of blur, times a linear light gradient.
+/// distances from its two edges in units of blur, times a linear light gradient; for edges that are not at right
+/// angles, with the terms that the blur they share adds.
 ///
 /// The window is a parallelogram along the projected squares, so it takes in as much of the two edges as
 /// it can without touching the next ones. Point symmetry makes the position blind to errors of blur and

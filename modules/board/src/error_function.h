@@ -12,8 +12,7 @@ class ErrorFunction {
   ErrorFunction() {
     for (int k = 0; k <= kSize; ++k) {
       const double t = kRange * (2.0 * k / kSize - 1.0);
-      value_[k] = std::erf(t / std::sqrt(2.0));
-      slope_[k] = std::sqrt(2.0 / M_PI) * std::exp(-0.5 * t * t);
+      rows_[k] = {std::erf(t / std::sqrt(2.0)), std::sqrt(2.0 / M_PI) * std::exp(-0.5 * t * t)};
     }
   }
   void at(double t, double& value, double& slope) const {
@@ -25,15 +24,17 @@ class ErrorFunction {
     }
     const int k = static_cast<int>(place);
     const double f = place - k;
-    value = value_[k] + f * (value_[k + 1] - value_[k]);
-    slope = slope_[k] + f * (slope_[k + 1] - slope_[k]);
+    value = rows_[k].value + f * (rows_[k + 1].value - rows_[k].value);
+    slope = rows_[k].slope + f * (rows_[k + 1].slope - rows_[k].slope);
   }
 
  private:
   static constexpr int kSize = 1024;
   static constexpr double kRange = 4.5;
-  std::array<double, kSize + 1> value_;
-  std::array<double, kSize + 1> slope_;
+  struct Row {
+    double value, slope;  // Side by side in memory: they are read together.
+  };
+  std::array<Row, kSize + 1> rows_;
 };
 
 }  // namespace servocal::board

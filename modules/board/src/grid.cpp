@@ -271,10 +271,12 @@ std::optional<Grid> measureGrid(const cv::Mat& gray, const Checkerboard& board, 
     avoidHollow(board, columns, rows, {k % columns, k / columns}, guess);
     // Beside the hollow square of a small or blurred board nothing may be left of this smaller window: the
     // first measurement stays.
+    const Vector2d own_blur = grid.corners[k].blur_px;
     if (const auto fit = fitCorner(gray, guess))
       grid.corners[k] = *fit;
     else if (guess.hollow_quadrant.x() == 0)
       return std::nullopt;
+    grid.corners[k].blur_px = own_blur;
   }
   grid.warp = fitWarp(columns, rows, grid.corners);
   if (!isSmooth(grid)) return std::nullopt;

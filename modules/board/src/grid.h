@@ -18,7 +18,7 @@ namespace servocal::board {
 struct Grid {
   int columns = 0;
   int rows = 0;
-  std::vector<CornerFit> corners;  ///< Row by row.
+  std::vector<CornerFit> corners;  ///< Row by row; each with the blur it was found to have by itself.
   Warp warp;
   Eigen::Vector2d blur_px;         ///< Median blur across edges along u and along v.
   double step = 0.0;               ///< Median brightness step of the corners (half of white minus black).

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "mark.h"
-#include "sample.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
@@ -8,21 +7,44 @@
 #include <cmath>
 #include <optional>
 
+#include "error_function.h"
+#include "sample.h"
+
 namespace servocal::board {
 namespace {
 
 using Eigen::Vector2d;
 
-// A unit box from `from` to `to`, blurred: 1 inside, 0 outside.
-double blurredBox(double t, double from, double to, double blur) {
-  const double s = 1.0 / (std::sqrt(2.0) * blur);
-  return 0.5 * (std::erf((t - from) * s) - std::erf((t - to) * s));
+// A unit box from `from` to `to`, blurred, and the derivatives of that by place in units of blur.
+struct Box {
+  double value, slope, spread, curl;
+
+  Box(double t, double from, double to, double blur) : value(0), slope(0), spread(0), curl(0) {
+    static const ErrorFunction error_function;
+    for (const double sign : {0.5, -0.5}) {
+      const double at = (t - (sign > 0 ? from : to)) / blur;
+      double edge, edge_slope;
+      error_function.at(at, edge, edge_slope);
+      value += sign * edge;
+      slope += sign * edge_slope;
+      spread += sign * at * edge_slope;
+      curl += sign * (at * at - 1) * edge_slope;
+    }
+  }
+};
+
+// A rectangle, 1 inside and 0 outside, under a blur whose extents along u and v are correlated by rho, as they are
+// where a square is seen as a rhombus (the tetrachoric series to its third power, as in the fit of corners).
+double rectangle(const Box& u, const Box& v, double rho) {
+  const double half = 0.5 * rho * rho;
+  return u.value * v.value + rho * u.slope * v.slope + half * u.spread * v.spread + rho * half / 3 * u.curl * v.curl;
 }
 
 // What the corner cell diagonally beyond a corner of the grid looks like.
 struct CornerCell {
   double hollow = 0.0;    // 1: hollow as printed; 0: solid.
   double residual = 1.0;  // RMS of what neither explains, in units of white minus black.
+  bool is_cell = true;    // Contrast as on the rest of the board: a square, hollow or not.
 };
 
 std::optional<CornerCell> measureCornerCell(const cv::Mat& gray, const Grid& grid,
@@ -34,6 +56,11 @@ std::optional<CornerCell> measureCornerCell(const cv::Mat& gray, const Grid& gri
   // Blur in squares; edges along u (blur x) bound the cell in v.
   const double blur_v = std::max(grid.blur_px.x() / (area / axes.col(0).norm()), 0.02);
   const double blur_u = std::max(grid.blur_px.y() / (area / axes.col(1).norm()), 0.02);
+  // Blur along u is due to the edges along v; both normals point where their coordinate grows.
+  const Vector2d normal_u(axes(1, 1), -axes(0, 1)), normal_v(-axes(1, 0), axes(0, 0));
+  const double ratio = grid.blur_px.x() / grid.blur_px.y();
+  const double rho =
+      std::clamp(normal_u.normalized().dot(normal_v.normalized()) * 0.5 * (ratio + 1 / ratio), -0.95, 0.95);
   const double inset = 0.5 * (1.0 - board.hollow_inner_ratio);
 
   // Regression of the brightness on: constant, the cell's own black, the white inside.
@@ -55,9 +82,10 @@ std::optional<CornerCell> measureCornerCell(const cv::Mat& gray, const Grid& gri
       const double u_inner = quadrant.x() < 0 ? 1.0 : -1.0;
       const double v_inner = quadrant.y() < 0 ? 1.0 : -1.0;
       const double solid =
-          blurredBox(u, 0, 1, blur_u) * blurredBox(v, 0, 1, blur_v) +
-          blurredBox(u, u_inner, u_inner + 1, blur_u) * blurredBox(v, v_inner, v_inner + 1, blur_v);
-      const double inside = blurredBox(u, inset, 1 - inset, blur_u) * blurredBox(v, inset, 1 - inset, blur_v);
+          rectangle({u, 0, 1, blur_u}, {v, 0, 1, blur_v}, rho) +
+          rectangle({u, u_inner, u_inner + 1, blur_u}, {v, v_inner, v_inner + 1, blur_v}, rho);
+      const double inside =
+          rectangle({u, inset, 1 - inset, blur_u}, {v, inset, 1 - inset, blur_v}, rho);
       const Eigen::Vector3d row(1.0, -solid, inside);
       normal += row * row.transpose();
       right += *value * row;
@@ -69,13 +97,13 @@ std::optional<CornerCell> measureCornerCell(const cv::Mat& gray, const Grid& gri
   const Eigen::Vector3d solution = solver.solve(right);
   if (!solution.allFinite()) return std::nullopt;
   const double contrast = 2.0 * grid.step;  // White minus black of the whole board.
-  if (solution[1] < 0.4 * contrast || solution[1] > 2.5 * contrast) return std::nullopt;
   CornerCell cell;
+  cell.is_cell = solution[1] > 0.4 * contrast && solution[1] < 2.5 * contrast;
   cell.hollow = solution[2] / solution[1];
   cell.residual = std::sqrt(std::max(squares - solution.dot(right), 0.0) / count) / solution[1];
   // How strongly the white inside shows through the blur at all.
   const double visible =
-      blurredBox(0.5, inset, 1 - inset, blur_u) * blurredBox(0.5, inset, 1 - inset, blur_v);
+      rectangle({0.5, inset, 1 - inset, blur_u}, {0.5, inset, 1 - inset, blur_v}, rho);
   if (visible < 0.25) return std::nullopt;
   return cell;
 }
@@ -124,17 +152,19 @@ MarkResult findTurn(const cv::Mat& gray, const Grid& grid, const Checkerboard& b
 
   result.status = MarkStatus::kUndecided;
   constexpr double kHollow = 0.6, kMostHollow = 1.5;  // A solid square measures 0, a hollow one 1.
-  constexpr double kSolid = 0.25;
+  constexpr double kSolid = 0.25, kLeastSolid = -0.6;  // Too dark an inside is no sign of a hollow square.
   constexpr double kMostResidual = 0.2;
   std::vector<Turn> hollow;
   bool clear = true;
+  int foreign = 0;  // Places of the mark where nothing looks like a square of the board, solid or hollow.
   for (int quarters = 0; quarters < 4; ++quarters) {
     const Turn turn{quarters};
     const auto cell = measureCornerCell(gray, grid, turn.firstCorner(), board);
     const bool possible = std::any_of(result.turns.begin(), result.turns.end(),
                                       [&](const Turn& t) { return t.quarters == quarters; });
-    if (!cell) {
+    if (!cell || !cell->is_cell) {
       clear = clear && !possible;
+      foreign += possible && cell.has_value();
       continue;
     }
     const bool is_hollow =
@@ -143,10 +173,12 @@ MarkResult findTurn(const cv::Mat& gray, const Grid& grid, const Checkerboard& b
       // At a corner where this board cannot have it: the picture is mirrored, or another board.
       if (!possible) return {};
       hollow.push_back(turn);
-    } else if (possible && (std::abs(cell->hollow) > kSolid || cell->residual > kMostResidual)) {
+    } else if (possible && (cell->hollow > kSolid || cell->hollow < kLeastSolid || cell->residual > kMostResidual)) {
       clear = false;
     }
   }
+  // Something may hide one of the squares, but not all that could be the mark.
+  if (foreign == static_cast<int>(result.turns.size())) return {};
   if (clear && hollow.size() == 1) {
     result.status = MarkStatus::kFound;
     result.turns = hollow;

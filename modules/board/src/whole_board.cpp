@@ -108,6 +108,39 @@ bool showsCorners(const cv::Mat& gray, const Grid& grid, const Checkerboard& boa
   return 3 * hidden <= count;  // Counted twice, by row and by column.
 }
 
+// True if no line's edges rise over a longer way than those of the others beside it: blur is much the same all over
+// the board, but a strip over a line of corners, however thin and whatever its gray, makes one edge into two.
+bool edgesAreAlike(const Grid& grid) {
+  constexpr double kMost = 1.3;  // Rendered boards reach 1.1.
+  // With more blur than this a line of edges is a sine wave, whose height and rise are one and the same.
+  constexpr double kSineBlur = 0.2;  // squares
+  const bool is_sine = grid.blur_px.maxCoeff() > kSineBlur * grid.smallestSpacing();
+  const auto isAlike = [&](int lines, int length, const auto& blurAt, const auto& stepAt) {
+    std::vector<double> blurs, steps;
+    for (int k = 0; k < lines; ++k) {
+      std::vector<double> blur, step;
+      for (int place = 0; place < length; ++place) {
+        blur.push_back(blurAt(k, place));
+        step.push_back(std::abs(stepAt(k, place)));
+      }
+      blurs.push_back(median(blur));
+      steps.push_back(median(step));
+    }
+    const double typical_blur = median(blurs);
+    for (int k = 0; k < lines; ++k) {
+      double rise = blurs[k] / typical_blur;
+      const double beside = 0.5 * (steps[k > 0 ? k - 1 : k + 1] + steps[k < lines - 1 ? k + 1 : k - 1]);
+      if (is_sine) rise *= std::max(beside / steps[k], 1.0);
+      if (rise > kMost) return false;
+    }
+    return true;
+  };
+  return isAlike(grid.rows, grid.columns, [&](int k, int place) { return grid.at(place, k).blur_px.x(); },
+                 [&](int k, int place) { return grid.at(place, k).step; }) &&
+         isAlike(grid.columns, grid.rows, [&](int k, int place) { return grid.at(k, place).blur_px.y(); },
+                 [&](int k, int place) { return grid.at(k, place).step; });
+}
+
 // True if it looks as if dots were taken for squares: between the dots of a perforated sheet, whose rows cross like
 // squares set on edge. However blurred, a checkerboard is black and white in equal parts, so that a corner is as
 // bright as the mean of its squares (unless the camera's response is curved), and as bright as the middle of an
@@ -146,7 +179,7 @@ bool showsDots(const cv::Mat& gray, const Grid& grid) {
 }  // namespace
 
 bool isWholeBoard(const cv::Mat& gray, const Grid& grid, const Checkerboard& board, double rim_squares) {
-  if (!showsCorners(gray, grid, board) || showsDots(gray, grid)) return false;
+  if (!showsCorners(gray, grid, board) || !edgesAreAlike(grid) || showsDots(gray, grid)) return false;
   const int radius = std::clamp(static_cast<int>(0.1 * grid.smallestSpacing()), 0, 3);
   // Cells are numbered from -1 (outside the first corner) to columns - 1; even sums share a color.
   const auto cellIsWhite = [&](int column, int row) {
