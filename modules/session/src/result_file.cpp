@@ -208,7 +208,7 @@ Json cameraTree(const CameraResult& camera) {
 }
 
 Json resultTree(const CalibrationResult& result) {
-  Json tree = {{"schema_version", kSchemaVersion},
+  Json tree = {{"schema_version", kResultSchemaVersion},
                {"provenance", result.provenance},
                {"goal_met", result.goal_met},
                {"missing", result.missing},

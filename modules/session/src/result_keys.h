@@ -10,7 +10,7 @@
 
 namespace servocal::session {
 
-constexpr int kSchemaVersion = 2;
+constexpr int kResultSchemaVersion = 2;
 constexpr double kDegPerRad = 180.0 / 3.14159265358979323846;
 
 /// "fx" -> "fx_px"; distortion coefficients have no unit.

@@ -337,9 +337,9 @@ std::string cameraOf(const ConfigReader& pose, const char* key) {
 CalibrationResult readResult(const ConfigReader& tree) {
   CalibrationResult result;
   const int version = tree.integer("schema_version", {});
-  if (version != kSchemaVersion) {
+  if (version != kResultSchemaVersion) {
     tree.fail("schema_version", "'schema_version' is " + std::to_string(version) + ", this program reads " +
-                                    std::to_string(kSchemaVersion) +
+                                    std::to_string(kResultSchemaVersion) +
                                     "; solve the session again with servocal-solve");
   }
   result.provenance = tree.text("provenance");
