@@ -22,7 +22,7 @@ MODULES = {
     "servo": {"core", "robot", "coverage"},
     "plan": {"core", "coverage", "calib", "robot"},
     "sim": {"core", "board", "robot", "sensor"},
-    "report": {"core", "calib", "coverage", "session"},
+    "report": {"core", "calib", "session"},
     "ros2": {"core", "sensor", "robot", "board"},
     "procedure": {"core", "board", "sensor", "robot", "coverage", "calib", "session", "servo", "plan"},
     "live": {"core", "procedure"},
@@ -31,7 +31,7 @@ MODULES = {
 
 # The one header of core that knows ViSP; its own target, core_visp.
 VISP_HEADER = "servocal/core/visp.h"
-MAY_USE_CORE_VISP = {"servo", "report"}
+MAY_USE_CORE_VISP = {"servo"}
 
 # Third-party library -> how its headers begin.
 LIBRARIES = {
@@ -66,7 +66,7 @@ IN_SOURCES = {
     "session": {"OpenCV", "SQLite", "nlohmann-json"},
     "servo": {"ViSP"},
     "sim": {"OpenCV", "urdfdom"},
-    "report": {"OpenCV", "ViSP", "nlohmann-json", "Cairo"},
+    "report": {"nlohmann-json"},
     "ros2": {"Cyclone DDS", "OpenCV"},
     "live": {"httplib", "nlohmann-json"},
     "procedure": {"OpenCV"},  # images pass through on their way to the session

@@ -137,6 +137,7 @@ struct ConfigReader::Impl {
   }
 
   double toNumber(const Entry& entry, const YAML::Node& node, Range range, const char* wanted) const {
+    if (range.null_is_nan && node.IsNull()) return std::numeric_limits<double>::quiet_NaN();
     std::string text = scalar(entry, node, wanted);
     const bool quoted_in_file = node.Tag() == "!";
     if (!text.empty() && text.front() == '+') text.erase(0, 1);

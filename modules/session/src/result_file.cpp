@@ -3,6 +3,7 @@
 #include <stdexcept>
 
 #include "durable_file.h"
+#include "result_keys.h"
 #include "servocal/session/session.h"
 #include "yaml_text.h"
 
@@ -10,14 +11,6 @@ namespace servocal::session {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-constexpr double kDegPerRad = 180.0 / 3.14159265358979323846;
-
-/// "fx" -> "fx_px"; distortion coefficients have no unit.
-std::string withUnit(const std::string& parameter) {
-  const bool pixels = parameter == "fx" || parameter == "fy" || parameter == "cx" || parameter == "cy";
-  return pixels ? parameter + "_px" : parameter;
-}
 
 Json list(const Eigen::VectorXd& values) {
   return std::vector<double>(values.data(), values.data() + values.size());
@@ -54,40 +47,44 @@ int usedViews(const std::vector<ViewResidual>& views) {
   return used;
 }
 
-Json intrinsicsTree(const IntrinsicsResult& intrinsics) {
-  const CameraModel& camera = intrinsics.camera;
+/// The model and, if there are some, the standard deviations of its parameters.
+Json cameraModelTree(const CameraModel& camera, const Eigen::VectorXd& sigma) {
   const std::vector<std::string>& names = parameterNames(camera.lens);
-  const bool solved = intrinsics.sigma.size() == camera.parameters.size();
-  Json tree = {{"source", solved ? "solved" : "given"},
-               {"lens_model", toString(camera.lens)},
-               {"width_px", camera.width_px},
-               {"height_px", camera.height_px}};
+  Json tree = {
+      {"lens_model", toString(camera.lens)}, {"width_px", camera.width_px}, {"height_px", camera.height_px}};
   for (std::size_t i = 0; i < names.size(); ++i) {
     const auto index = static_cast<Eigen::Index>(i);
     Json entry = {{"value", camera.parameters[index]}};
-    if (solved) entry["sigma"] = intrinsics.sigma[index];
+    if (sigma.size() > 0) entry["sigma"] = sigma[index];
     tree["parameters"][withUnit(names[i])] = entry;
   }
   Eigen::Matrix3d k;
   k << camera.fx(), 0, camera.cx(), 0, camera.fy(), camera.cy(), 0, 0, 1;
   tree["camera_matrix_px"] = matrix(k);
   tree["distortion_coefficients"] = list(camera.parameters.tail(camera.parameters.size() - 4));
+  return tree;
+}
+
+Json intrinsicsTree(const IntrinsicsResult& intrinsics) {
+  const bool solved = intrinsics.sigma.size() == intrinsics.camera.parameters.size();
+  Json tree = {{"source", solved ? "solved" : "given"}};
+  tree.update(cameraModelTree(intrinsics.camera, solved ? intrinsics.sigma : Eigen::VectorXd()));
   if (!solved) return tree;
   tree["rms_px"] = intrinsics.rms_px;
   tree["corners"] = intrinsics.corners;
   tree["views_used"] = usedViews(intrinsics.views);
-  tree["covariance"] = matrix(intrinsics.covariance);
+  if (intrinsics.covariance.size() > 0) tree["covariance"] = matrix(intrinsics.covariance);
   tree["views"] = viewsTree(intrinsics.views);
   return tree;
 }
 
-Json poseTree(const char* name, const std::string& parent, const std::string& child,
-              const Eigen::Isometry3d& pose, const Eigen::Matrix<double, 6, 1>& sigma) {
+Json poseTree(const PoseNames& names, const Eigen::Isometry3d& pose,
+              const Eigen::Matrix<double, 6, 1>& sigma) {
   const Eigen::Quaterniond q(pose.rotation());
   const double sign = q.w() < 0.0 ? -1.0 : 1.0;  // of q and -q, the one with w >= 0
-  return {{"name", name},
-          {"parent_frame", parent},
-          {"child_frame", child},
+  return {{"name", names.name},
+          {"parent_frame", names.parent},
+          {"child_frame", names.child},
           {"translation_m", list(pose.translation())},
           {"translation_sigma_m", list(sigma.head<3>())},
           {"quaternion_xyzw", {sign * q.x(), sign * q.y(), sign * q.z(), sign * q.w()}},
@@ -95,13 +92,11 @@ Json poseTree(const char* name, const std::string& parent, const std::string& ch
           {"matrix", matrix(pose.matrix())}};
 }
 
-Json handEyeTree(const HandEyeSolution& solution, const std::string& camera) {
-  const bool fixed = solution.mount == Mount::kFixed;
-  return {{"mount", fixed ? "fixed" : "flange"},
-          {"camera_pose", poseTree(fixed ? "bMc" : "eMc", fixed ? "base" : "end_effector", camera + "_color",
-                                   solution.camera_pose, solution.camera_sigma)},
-          {"board_pose", poseTree(fixed ? "eMo" : "bMo", fixed ? "end_effector" : "base", "board",
-                                  solution.board_pose, solution.board_sigma)},
+Json handEyeTree(const HandEyeSolution& solution, const std::string& camera, Stream stream) {
+  return {{"mount", solution.mount == Mount::kFixed ? "fixed" : "flange"},
+          {"camera_pose", poseTree(cameraPoseNames(solution.mount, camera, stream), solution.camera_pose,
+                                   solution.camera_sigma)},
+          {"board_pose", poseTree(boardPoseNames(solution.mount), solution.board_pose, solution.board_sigma)},
           {"rms_px", solution.rms_px},
           {"robot_correction_rms_m", solution.robot_rms_m},
           {"robot_correction_rms_deg", solution.robot_rms_rad * kDegPerRad},
@@ -128,43 +123,92 @@ Json coverageTree(const CoverageSummary& coverage) {
   return tree;
 }
 
-Json cameraTree(const CameraResult& camera) {
-  Json tree = {{"camera", camera.camera}, {"intrinsics", intrinsicsTree(camera.intrinsics)}};
-  if (camera.intrinsics_with_outliers) {
-    tree["intrinsics"]["with_outliers"] = intrinsicsTree(*camera.intrinsics_with_outliers);
-  }
-  if (camera.hand_eye) tree["hand_eye"] = handEyeTree(*camera.hand_eye, camera.camera);
-  if (camera.hand_eye && camera.hand_eye_with_outliers) {
-    tree["hand_eye"]["with_outliers"] = handEyeTree(*camera.hand_eye_with_outliers, camera.camera);
-  }
-  if (camera.board_scale) {
-    tree["board_scale"] = {{"scale", camera.board_scale->scale}, {"sigma", camera.board_scale->sigma}};
-  }
-  if (!camera.notes.empty()) tree["notes"] = camera.notes;
-  if (camera.coverage) tree["coverage"] = coverageTree(*camera.coverage);
-  if (!camera.tilt_limits.empty()) {
-    Json limits = Json::array();
-    for (const TiltLimit& limit : camera.tilt_limits) {
-      limits.push_back({{"direction", limit.direction},
-                        {"limit_deg", limit.limit_rad * kDegPerRad},
-                        {"ended_by", limit.ended_by}});
-    }
-    tree["tilt_limits"] = limits;
-  }
-  return tree;
-}
-
-Json pairTree(const CameraPair& pair) {
-  return {{"pose", poseTree("first_by_second", pair.first + "_color", pair.second + "_color", pair.first_by_second,
-                            pair.covariance.diagonal().cwiseSqrt())},
+Json pairTree(const CameraPair& pair, const PoseNames& names) {
+  return {{"pose", poseTree(names, pair.first_by_second, pair.covariance.diagonal().cwiseSqrt())},
           {"covariance", matrix(pair.covariance)},
           {"rms_px", pair.rms_px},
           {"views_used", usedViews(pair.views)},
           {"views", viewsTree(pair.views)}};
 }
 
+Json depthTree(const DepthResult& depth, const std::optional<IntrinsicsResult>& infrared) {
+  const DepthModel& model = depth.model;
+  Json tree = {{"sensor", toString(model.sensor)},
+               {"offset", model.offset},
+               {"slope", model.slope},
+               {"nodes_x", model.nodes_x},
+               {"nodes_y", model.nodes_y},
+               {"nodes", list(model.nodes)},
+               {"near_m", model.near_m},
+               {"far_m", model.far_m},
+               {"rms_before_m", depth.rms_before_m},
+               {"rms_after_m", depth.rms_after_m},
+               {"sigma_m", list(depth.sigma_m)},
+               {"sigma_at_m", list(depth.sigma_at_m)},
+               {"views", depth.views},
+               {"patches", depth.patches},
+               {"notes", depth.notes}};
+  if (!infrared || !sameModel(infrared->camera, model.camera))
+    tree["camera"] = cameraModelTree(model.camera, {});
+  return tree;
+}
+
+Json tiltTree(const std::vector<TiltLimit>& limits) {
+  Json tree = Json::array();
+  for (const TiltLimit& limit : limits) {
+    tree.push_back({{"stream", toString(limit.stream)},
+                    {"direction", limit.direction},
+                    {"limit_deg", limit.limit_rad * kDegPerRad},
+                    {"ended_by", limit.ended_by}});
+  }
+  return tree;
+}
+
+void addInfrared(Json& tree, const CameraResult& camera) {
+  if (camera.infrared) tree["infrared"] = intrinsicsTree(*camera.infrared);
+  if (camera.infrared_hand_eye) {
+    tree["infrared_hand_eye"] = handEyeTree(*camera.infrared_hand_eye, camera.camera, Stream::kInfrared);
+  }
+  if (camera.color_infrared) {
+    tree["color_infrared"] = pairTree(*camera.color_infrared, colorInfraredNames(camera.camera));
+  }
+  if (camera.depth) tree["depth"] = depthTree(*camera.depth, camera.infrared);
+  if (camera.infrared_coverage) tree["infrared_coverage"] = coverageTree(*camera.infrared_coverage);
+  if (camera.combined_views != 0) tree["combined_views"] = camera.combined_views;
+}
+
+Json cameraTree(const CameraResult& camera) {
+  Json tree = {{"camera", camera.camera}, {"intrinsics", intrinsicsTree(camera.intrinsics)}};
+  if (camera.intrinsics_with_outliers) {
+    tree["intrinsics"]["with_outliers"] = intrinsicsTree(*camera.intrinsics_with_outliers);
+  }
+  if (camera.hand_eye) tree["hand_eye"] = handEyeTree(*camera.hand_eye, camera.camera, Stream::kColor);
+  if (camera.hand_eye && camera.hand_eye_with_outliers) {
+    tree["hand_eye"]["with_outliers"] =
+        handEyeTree(*camera.hand_eye_with_outliers, camera.camera, Stream::kColor);
+  }
+  if (camera.board_scale) {
+    tree["board_scale"] = {{"scale", camera.board_scale->scale}, {"sigma", camera.board_scale->sigma}};
+  }
+  if (!camera.notes.empty()) tree["notes"] = camera.notes;
+  if (camera.coverage) tree["coverage"] = coverageTree(*camera.coverage);
+  if (!camera.tilt_limits.empty()) tree["tilt_limits"] = tiltTree(camera.tilt_limits);
+  addInfrared(tree, camera);
+  if (const auto& affine = camera.affine_baseline) {
+    tree["affine_baseline"] = {{"matrix", matrix(affine->bAc)},
+                               {"rms_m", affine->rms_m},
+                               {"inliers", affine->inliers},
+                               {"points", affine->points}};
+  }
+  if (camera.time_offset_s) {
+    tree["time_offset_s"] = *camera.time_offset_s;
+    tree["time_offset_sigma_s"] = camera.time_offset_sigma_s;
+  }
+  return tree;
+}
+
 Json resultTree(const CalibrationResult& result) {
-  Json tree = {{"schema_version", result.schema_version},
+  Json tree = {{"schema_version", kResultSchemaVersion},
                {"provenance", result.provenance},
                {"goal_met", result.goal_met},
                {"missing", result.missing},
@@ -174,7 +218,8 @@ Json resultTree(const CalibrationResult& result) {
                {"tilt_time_s", result.tilt_time_s},
                {"cameras", Json::array()}};
   for (const CameraResult& camera : result.cameras) tree["cameras"].push_back(cameraTree(camera));
-  for (const CameraPair& pair : result.camera_pairs) tree["camera_pairs"].push_back(pairTree(pair));
+  for (const CameraPair& pair : result.camera_pairs)
+    tree["camera_pairs"].push_back(pairTree(pair, cameraPairNames(pair.first, pair.second)));
   return tree;
 }
 

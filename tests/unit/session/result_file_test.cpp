@@ -35,7 +35,7 @@ CalibrationResult exampleResult() {
   hand_eye.camera_sigma << 1, 2, 3, 0.1, 0.2, 0.3;
   hand_eye.board_sigma.setConstant(std::numeric_limits<double>::quiet_NaN());
   camera.hand_eye = hand_eye;
-  camera.tilt_limits = {{"roll+", 0.5, "detection"}};
+  camera.tilt_limits = {{Stream::kColor, "roll+", 0.5, "detection"}};
   result.cameras = {camera};
   return result;
 }
@@ -50,7 +50,7 @@ TEST(ResultFile, JsonSaysEverythingExactly) {
   const test::TemporaryFolder folder;
   saveResult(folder / "new/result.json", exampleResult());
   const auto tree = nlohmann::json::parse(slurp(folder / "new/result.json"));
-  EXPECT_EQ(tree["schema_version"], 1);
+  EXPECT_EQ(tree["schema_version"], 2);
   EXPECT_EQ(tree["goal_met"], false);
   const auto& camera = tree["cameras"][0];
   EXPECT_EQ(camera["intrinsics"]["parameters"]["fy_px"]["value"].get<double>(), 3200.0 / 3);

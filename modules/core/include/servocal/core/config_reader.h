@@ -18,12 +18,13 @@ namespace servocal {
 struct Range {
   double min = -std::numeric_limits<double>::infinity();
   double max = std::numeric_limits<double>::infinity();
+  bool null_is_nan = false;  ///< A null is allowed and read as not-a-number.
 };
 
 /// One mapping of a YAML (or JSON) file, read strictly: every mistake is an Error (kInvalidConfig) with
 /// file and line; finish() refuses keys that nobody asked for and names the nearest valid one.
 ///
-/// Getters without a default demand the key. All values must be finite and inside `range`.
+/// Getters without a default demand the key. All values must be finite and inside `range` (or null, where the range says so).
 class ConfigReader {
  public:
   /// @throws Error (kInvalidConfig) if the file cannot be read or is not a YAML mapping.

@@ -67,6 +67,12 @@ bool isSession(const std::filesystem::path& folder);
 /// @throws Error (kBadData) if the file cannot be written.
 /// @throws std::invalid_argument for another extension.
 void saveResult(const std::filesystem::path& file, const CalibrationResult& result);
+/// Reads what saveResult wrote, YAML or JSON: saved again it is the same file, byte by byte. Numbers are identical
+/// but for angles (degrees in the file), which may differ in their last bit, and for what is not finite (null in
+/// the file), which becomes not-a-number. Strict: keys that are unknown, missing or contradict each other are
+/// refused.
+/// @throws Error (kBadData) naming file, line and key.
+CalibrationResult loadResult(const std::filesystem::path& file);
 /// What saveResult would put into a ".json" file.
 std::string resultJson(const CalibrationResult& result);
 
