@@ -22,7 +22,7 @@ Bytes stateBytes(double first) {
   ByteWriter writer;
   writer.u8(1).f64(first);
   for (int i = 0; i < 24; ++i) writer.f64(0.25 * i);
-  writer.i32(7).i32(1).i32(3).i32(2).f64(1.0).f64(0.5).f64(0.3).i32(2).i32(-4).i32(99);
+  writer.i32(7).i32(1).i32(3).i32(2).f64(1.0).f64(0.5).f64(0.3).i32(2).i32(-4).i32(99).i32(17);
   return writer.bytes();
 }
 
@@ -77,6 +77,7 @@ TEST(Decode, StateHoldsEveryVariableInItsPlace) {
   EXPECT_EQ(state.payload_kg, 0.3);
   EXPECT_EQ(state.script_epoch, -4);
   EXPECT_EQ(state.script_token, 99);
+  EXPECT_EQ(state.script_beat, 17);
 }
 
 TEST(Decode, StateOfAnotherShapeIsRefused) {

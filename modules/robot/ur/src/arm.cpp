@@ -121,7 +121,7 @@ struct Arm::Impl {
   void arm() {
     link->forgetStop();
     if (const auto stop = link->stopped()) throw *stop;
-    if (const auto reason = objection(link->newest(), link->expected())) {
+    if (const auto reason = objection(link->newest(), link->expected(), 0.0)) {
       throw Error(ErrorKind::kRefusedToMove, *reason);
     }
     upload();

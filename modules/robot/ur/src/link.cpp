@@ -38,6 +38,7 @@ Link::Link(RtdeClient client, Clock& clock, const ArmOptions& options, const Con
       wake_descriptor_(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {
   expected_.tcp_offset = first.tcp_offset;
   expected_.payload_kg = first.payload_kg;
+  expected_.watchdog_s = toSeconds(options.watchdog);
   accept(first, clock_.now());
   thread_ = std::thread([this] { run(); });
 }
@@ -172,10 +173,11 @@ void Link::accept(const ControllerState& state, Instant arrival) {
   report_.safety_mode = state.safety_mode;
   report_.robot_mode = state.robot_mode;
   last_arrival_ = arrival;
+  if (state.script_beat != newest_.script_beat) echo_stamp_s_ = state.timestamp_s;
   newest_ = state;
   history_.push(toRobotState(state, stamps_.map(state.timestamp_s, arrival)));
   if (stop_) return;
-  if (auto reason = objection(state, expected_)) {
+  if (auto reason = objection(state, expected_, state.timestamp_s - echo_stamp_s_)) {
     if (exception_) *reason += " The controller says: " + exception_->toString() + ".";
     stop_.emplace(ErrorKind::kSafetyStop, *reason);
   }

@@ -74,6 +74,7 @@ class Link {
 
   // The thread's own.
   StampMap stamps_;
+  double echo_stamp_s_ = 0.0;  ///< When the program's sign of life changed last.
   Instant last_arrival_{};
   Instant last_beat_{};
   std::int32_t heartbeat_ = 0;

@@ -36,6 +36,7 @@ const Output kOutputs[] = {
     {"output_int_register_24", "INT32", [](ByteReader& r, ControllerState& s) { s.script_state = r.i32(); }},
     {"output_int_register_25", "INT32", [](ByteReader& r, ControllerState& s) { s.script_epoch = r.i32(); }},
     {"output_int_register_26", "INT32", [](ByteReader& r, ControllerState& s) { s.script_token = r.i32(); }},
+    {"output_int_register_27", "INT32", [](ByteReader& r, ControllerState& s) { s.script_beat = r.i32(); }},
 };
 
 constexpr int kFirstRegister = 24;

@@ -36,6 +36,7 @@ struct ControllerState {
   int script_state = 0;  ///< output_int_register_24: 0 none, 1 holds, 2 armed.
   int script_epoch = 0;  ///< output_int_register_25
   int script_token = 0;  ///< output_int_register_26
+  int script_beat = 0;   ///< output_int_register_27: the last heartbeat it saw.
 
   bool isFinite() const;
   bool programRuns() const { return runtime_state == kRuntimePlaying; }

@@ -29,7 +29,7 @@ Socket::Socket(const std::string& host, int port, const std::string& peer, Durat
   }
   const std::unique_ptr<addrinfo, void (*)(addrinfo*)> addresses(found, ::freeaddrinfo);
   descriptor_ = ::socket(found->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-  if (descriptor_ < 0) fail(std::strerror(errno));
+  if (descriptor_ < 0) fail(errno);
   int error = 0;
   if (::connect(descriptor_, found->ai_addr, found->ai_addrlen) != 0) {
     error = errno;
@@ -52,6 +52,11 @@ Socket::Socket(Socket&& other) noexcept
 
 Socket::~Socket() {
   if (descriptor_ >= 0) ::close(descriptor_);
+}
+
+void Socket::fail(int error) const {
+  if (error == ECONNRESET || error == EPIPE) fail("it closed the connection");
+  fail(std::string(std::strerror(error)));
 }
 
 void Socket::fail(const std::string& what) const {
@@ -79,7 +84,7 @@ void Socket::send(const Bytes& bytes, Duration timeout) {
     } else if (errno == EAGAIN || errno == EWOULDBLOCK) {
       if (!waitFor(POLLOUT, timeout)) fail("it takes no data");
     } else if (errno != EINTR) {
-      fail(std::strerror(errno));
+      fail(errno);
     }
   }
 }
@@ -94,7 +99,7 @@ Bytes Socket::receive(Duration timeout) {
     }
     if (count == 0) fail("it closed the connection");
     if (errno == EINTR) continue;
-    if (errno != EAGAIN && errno != EWOULDBLOCK) fail(std::strerror(errno));
+    if (errno != EAGAIN && errno != EWOULDBLOCK) fail(errno);
     if (timeout <= Duration::zero() || !waitFor(POLLIN, timeout)) return {};
     timeout = Duration::zero();
   }

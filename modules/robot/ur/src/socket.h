@@ -28,6 +28,7 @@ class Socket {
  private:
   bool waitFor(short events, Duration timeout) const;
   [[noreturn]] void fail(const std::string& what) const;
+  [[noreturn]] void fail(int error) const;
 
   int descriptor_ = -1;
   std::string peer_;

@@ -38,7 +38,8 @@ std::optional<std::string> safetyObjection(int safety_mode) {
 
 }  // namespace
 
-std::optional<std::string> objection(const ControllerState& state, const Expected& expected) {
+std::optional<std::string> objection(const ControllerState& state, const Expected& expected,
+                                     double echo_age_s) {
   if (auto safety = safetyObjection(state.safety_mode)) return safety;
   if (state.robot_mode != kRobotModeRunning) {
     return "The arm is not running (robot mode " + std::to_string(state.robot_mode) +
@@ -69,7 +70,7 @@ std::optional<std::string> objection(const ControllerState& state, const Expecte
            "watchdog "
            "because this computer was silent for too long. The arm stands. Start again.";
   }
-  if (state.script_token != expected.token) {
+  if (state.script_token != expected.token || (expected.epoch != 0 && echo_age_s > expected.watchdog_s)) {
     return "Another program runs on the controller in place of ours. Stop it, then start again.";
   }
   if (expected.epoch != 0 && (state.script_state != 2 || state.script_epoch != expected.epoch)) {
