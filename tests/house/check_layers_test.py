@@ -62,7 +62,22 @@ class PlantedOffences(unittest.TestCase):
                         "leaves the module's own folder")
         found = self.offences({"misc/src/a.cpp": ""})
         self.assertEqual(len(found), 1)
-        self.assertIn("no module of this name", found[0])
+        self.assertIn("no module 'misc'", found[0])
+
+    def test_targets_inside_a_module(self):
+        self.assertEqual(self.offences({"robot/ur/CMakeLists.txt": "",
+                                        "robot/ur/src/a.cpp": '#include "servocal/robot/arm.h"\n'}), [])
+        found = self.offences({"robot/ur/CMakeLists.txt": "",
+                               "robot/ur/src/a.cpp": "#include <kdl/chain.hpp>\n"})
+        self.assertEqual(len(found), 1, found)
+        self.assertIn("module 'robot_ur' may not use KDL", found[0])
+        found = self.offences({"sim/ur_controller/CMakeLists.txt": "",
+                               "sim/ur_controller/src/a.cpp": '#include "servocal/robot_ur/arm.h"\n'})
+        self.assertEqual(len(found), 1, found)
+        self.assertIn("module 'sim_ur_controller' may not include module 'robot_ur'", found[0])
+        found = self.offences({"robot/new/CMakeLists.txt": ""})
+        self.assertEqual(len(found), 1, found)
+        self.assertIn("no module 'robot_new'", found[0])
 
     def test_headers_that_nobody_declares(self):
         found = self.offences({"core/CMakeLists.txt": "PUBLIC_HEADERS a.h",

@@ -27,9 +27,23 @@ Box readBox(const ConfigReader& section, const std::string& name) {
   return box;
 }
 
+UrConfig readUr(const ConfigReader& section) {
+  constexpr Range kPort{1, 65535};
+  UrConfig ur;
+  ur.host = section.text("host");
+  if (ur.host.empty()) section.fail("host", "'host' must name the robot's controller");
+  ur.serial = section.text("serial");
+  if (ur.serial.empty()) section.fail("serial", "'serial' must be the robot's serial number, from its label");
+  ur.rtde_port = section.integer("rtde_port", kPort, ur.rtde_port);
+  ur.dashboard_port = section.integer("dashboard_port", kPort, ur.dashboard_port);
+  ur.program_port = section.integer("program_port", kPort, ur.program_port);
+  return ur;
+}
+
 ArmConfig readArm(const ConfigReader& section, const std::filesystem::path& folder) {
   ArmConfig arm;
-  arm.backend = static_cast<ArmBackend>(section.choice("backend", {"sim"}));
+  arm.backend = static_cast<ArmBackend>(section.choice("backend", {"sim", "ur"}));
+  if (arm.backend == ArmBackend::kUr) arm.ur = readUr(section);
   arm.urdf = section.text("urdf", arm.urdf);
   arm.base_link = section.text("base_link", arm.base_link);
   arm.flange_link = section.text("flange_link", arm.flange_link);

@@ -150,6 +150,20 @@ TEST_F(CellFile, SimulationIsDemandedBySimulatedBackends) {
              "missing key 'simulation': the backend 'sim' needs it");
 }
 
+TEST_F(CellFile, ArmOfUniversalRobotsNamesHostAndSerial) {
+  const CellConfig cell = load(changed("backend: sim\n  urdf", "backend: ur\n  host: 10.0.0.2\n"
+                                       "  serial: \"0123\"\n  rtde_port: 5\n  urdf"));
+  EXPECT_EQ(cell.arm.backend, ArmBackend::kUr);
+  ASSERT_TRUE(cell.arm.ur.has_value());
+  EXPECT_EQ(cell.arm.ur->host, "10.0.0.2");
+  EXPECT_EQ(cell.arm.ur->serial, "0123");
+  EXPECT_EQ(cell.arm.ur->rtde_port, 5);
+  EXPECT_EQ(cell.arm.ur->program_port, 30001);
+  EXPECT_FALSE(defaultCell().arm.ur.has_value());
+  expectPart(refusal("backend: sim\n  urdf", "backend: ur\n  host: a\n  urdf"), "missing key 'serial' in 'arm'");
+  expectPart(refusal("backend: sim\n  urdf", "backend: sim\n  host: a\n  urdf"), "unknown key 'host'");
+}
+
 TEST_F(CellFile, UrdfIsRelativeToTheCellFile) {
   EXPECT_EQ(load(changed("urdf: ur5 ", "urdf: robots/my.urdf ")).arm.urdf,
             (folder_ / "robots/my.urdf").string());

@@ -39,12 +39,22 @@ struct MotionLimits {
   std::vector<Box> keep_out;               ///< Where neither flange nor board may be.
 };
 
-enum class ArmBackend { kSim };
+enum class ArmBackend { kSim, kUr };
 enum class CameraBackend { kSim };
 enum class Mount { kFixed, kFlange };  ///< Where a camera is; the board is on the other.
 
+/// How the controller of a Universal Robots arm is reached.
+struct UrConfig {
+  std::string host;           ///< Name or address.
+  std::string serial;         ///< Of the one arm that may move; compared with what the controller says.
+  int rtde_port = 30004;
+  int dashboard_port = 29999;
+  int program_port = 30001;   ///< Primary interface.
+};
+
 struct ArmConfig {
   ArmBackend backend = ArmBackend::kSim;
+  std::optional<UrConfig> ur;       ///< There if the backend is kUr.
   std::string urdf = "ur5";         ///< "ur5" (built in) or a file, relative to the cell file.
   std::string base_link = "base";
   std::string flange_link = "tool0";
