@@ -7,6 +7,7 @@
 #include "servocal/app/main.h"
 #include "servocal/app/progress.h"
 #include "servocal/core/cell_config.h"
+#include "servocal/core/error.h"
 #include "servocal/procedure/calibrate.h"
 #include "servocal/procedure/summary.h"
 #include "servocal/robot/guard.h"
@@ -20,11 +21,20 @@ using namespace servocal;
 robot::Guard* guard_of_signals = nullptr;
 void stopOnSignal(int) { guard_of_signals->operatorStop(); }
 
+void demandCamera(const CellConfig& cell, const std::string& name) {
+  std::string names;
+  for (const CameraConfig& camera : cell.cameras) {
+    if (camera.name == name) return;
+    names += (names.empty() ? "" : ", ") + camera.name;
+  }
+  throw Error(ErrorKind::kNothingToDo, "the cell has no camera '" + name + "'; it has: " + names);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App cli("Calibrates the camera of a cell: the arm carries the board, a visual servo drives it to what "
-               "the camera has not seen yet. Moves the simulated arm; real arms are not supported yet.",
+  CLI::App cli("Calibrates the cameras of a cell: the arm carries the board, a visual servo drives it to what "
+               "no camera has seen yet. Moves the simulated arm; real arms are not supported yet.",
                "servocal-calibrate");
   std::string cell_file;
   std::filesystem::path out;
@@ -32,9 +42,20 @@ int main(int argc, char** argv) {
   cli.add_option("CELL", cell_file, "Cell file (docs/cell-file.md); the built-in simulated cell if not given");
   cli.add_option("--out", out, "Folder for session and result; must not hold a session yet")->required();
   cli.add_option("--seed", seed, "Seed of the simulated cell")->capture_default_str();
-  cli.footer("Example:\n  $ servocal-calibrate --out runs/first --seed 1\n");
+  procedure::CalibrateOptions options;
+  std::filesystem::path intrinsics_from;
+  cli.add_option("--camera", options.cameras, "Only these cameras, by name");
+  cli.add_option("--intrinsics", intrinsics_from, "Result file whose intrinsics are believed instead of solved");
+  cli.add_flag("--hand-eye-only", options.hand_eye_only, "Only where the cameras stand: no tilt limits, no coverage")
+      ->needs("--intrinsics");
+  cli.footer("Examples:\n"
+             "  $ servocal-calibrate --out runs/first --seed 1\n"
+             "  $ servocal-calibrate --out runs/moved --camera left --hand-eye-only --intrinsics "
+             "runs/first/result.yaml\n");
   return app::guardedMain(cli, argc, argv, [&] {
     const CellConfig cell = cell_file.empty() ? defaultCell() : loadCell(cell_file);
+    for (const std::string& name : options.cameras) demandCamera(cell, name);
+    if (!intrinsics_from.empty()) options.given_intrinsics = procedure::intrinsicsOf(session::loadResult(intrinsics_from));
     session::Session session = session::Session::create(out, cell.text, cell.board, seed);
     sim::Cell simulation(cell, seed);
     const robot::Kinematics kinematics(cell.arm);
@@ -49,7 +70,7 @@ int main(int argc, char** argv) {
     for (const CameraConfig& camera : cell.cameras) devices.cameras.push_back(&simulation.camera(camera.name));
     app::Progress progress;
     CalibrationResult result = procedure::calibrate(
-        cell, devices, session, [&](const procedure::Event& event) { progress.show(procedure::line(event)); });
+        cell, devices, session, [&](const procedure::Event& event) { progress.show(procedure::line(event)); }, options);
     progress.finish();
 
     result.provenance = "servocal-calibrate, simulated cell '" + cell.name + "', seed " + std::to_string(seed);

@@ -108,6 +108,15 @@ std::optional<HeldOut> holdOut(const BoardSpec& board, const std::vector<Observa
 
 }  // namespace
 
+GivenIntrinsics intrinsicsOf(const CalibrationResult& result) {
+  GivenIntrinsics given;
+  for (const CameraResult& camera : result.cameras) {
+    given.emplace(std::pair(camera.camera, Stream::kColor), camera.intrinsics.camera);
+    if (camera.infrared) given.emplace(std::pair(camera.camera, Stream::kInfrared), camera.infrared->camera);
+  }
+  return given;
+}
+
 std::map<std::string, DepthSensor> depthSensors(const CellConfig& cell) {
   std::map<std::string, DepthSensor> sensors;
   for (const CameraConfig& camera : cell.cameras) {

@@ -204,6 +204,9 @@ Json cameraTree(const CameraResult& camera) {
     tree["time_offset_s"] = *camera.time_offset_s;
     tree["time_offset_sigma_s"] = camera.time_offset_sigma_s;
   }
+  if (const auto& held_out = camera.held_out) {
+    tree["held_out"] = {{"views", held_out->views}, {"rms_px", held_out->rms_px}, {"rms_m", held_out->rms_m}};
+  }
   return tree;
 }
 

@@ -320,6 +320,14 @@ CameraResult readCamera(const ConfigReader& tree) {
     camera.time_offset_s = tree.number("time_offset_s", kNumber);
     camera.time_offset_sigma_s = tree.number("time_offset_sigma_s", kNumber);
   }
+  if (const auto section = tree.optionalSection("held_out")) {
+    HeldOut held_out;
+    held_out.views = section->integer("views", kCount);
+    held_out.rms_px = section->number("rms_px", kNumber);
+    held_out.rms_m = section->number("rms_m", kNumber);
+    section->finish();
+    camera.held_out = held_out;
+  }
   tree.finish();
   return camera;
 }

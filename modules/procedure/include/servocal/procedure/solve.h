@@ -34,6 +34,9 @@ struct SolveOptions {
   bool refuse_contradictions = false;           ///< Throw where robot and images contradict each other.
 };
 
+/// Every camera's, color and infrared, of an earlier result.
+GivenIntrinsics intrinsicsOf(const CalibrationResult& result);
+
 /// Of the cameras of a cell that measure depth.
 std::map<std::string, DepthSensor> depthSensors(const CellConfig& cell);
 

@@ -87,7 +87,7 @@ class Arm final : public robot::Arm {
   RobotState stateAt(Instant stamp) override;
   /// @throws Error (kRefusedToMove) before arm(); the latched stop after one.
   void move(MotionKey, const Twist<Base>& twist, Duration valid_for) override;
-  void moveJoints(MotionKey, const Eigen::VectorXd& speeds_radps, Duration valid_for);
+  void moveJoints(MotionKey, const Eigen::VectorXd& speeds_radps, Duration valid_for) override;
   /// Never throws: a dead link is stopped by the controller's watchdog.
   void stop(MotionKey) override;
 
