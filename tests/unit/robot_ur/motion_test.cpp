@@ -38,7 +38,7 @@ TEST(UrMotion, ServoReachesAPoseThroughTheGuard) {
         Eigen::AngleAxisd(0.15, Eigen::Vector3d::UnitZ()).toRotationMatrix() * start.rotation(),
         start.translation() + Eigen::Vector3d(-0.04, 0.03, 0.05));
     const servo::DriveOutcome outcome = servo::moveTo(guard, cell.clock, goal);
-    EXPECT_EQ(outcome.status, servo::DriveStatus::kReached) << outcome.reason;
+    EXPECT_EQ(outcome.status, DriveStatus::kReached) << outcome.reason;
     const Pose<Base, EndEffector> truth(cell.controller.truth().flange);
     EXPECT_LT(distanceM(truth, goal), 0.001);
     EXPECT_LT(angleRad(truth, goal), 0.002);

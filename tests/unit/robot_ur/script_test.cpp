@@ -61,6 +61,7 @@ class ServoScript : public ::testing::Test {
   }
   void arm(int epoch) {
     host.integers[25] = 0;
+    step();  // The epoch it finds at its start is an old one.
     host.integers[26] = epoch;
     step(2);
     ASSERT_EQ(host.outputs[24], 2);
