@@ -77,7 +77,7 @@ TEST(UrArmFault, IsLatchedAndNamed) {
                                                    {UrFault::kProgramPaused, "paused or stopped"},
                                                    {UrFault::kProgramStopped, "paused or stopped"},
                                                    {UrFault::kOtherProgram, "Another program"}};
-  for (const auto& [fault, parts] : cases) {
+  for (const auto& [fault, part] : cases) {
     UrCell cell;
     const auto arm = cell.armed();
     const auto error = errorInMotion(cell, *arm, fault);

@@ -61,6 +61,7 @@ class ServoScript : public ::testing::Test {
   }
   void arm(int epoch) {
     host.integers[25] = 0;
+    step();  // The epoch it finds at its start is an old one.
     host.integers[26] = epoch;
     step(2);
     ASSERT_EQ(host.outputs[24], 2);
@@ -70,9 +71,9 @@ class ServoScript : public ::testing::Test {
     host.integers[25] = 1;
     host.floats[26] = vz;
   }
-  bool isMoving() {  // In the next step.
+  bool isMoving() {  // Within three steps; stopl takes one.
     host.twists.clear();
-    step();
+    step(3);
     return !host.twists.empty() && host.twists.back()[2] != 0.0;
   }
 
@@ -116,9 +117,9 @@ TEST_F(ServoScript, HeartbeatThatStandsStillStopsAndNeedsANewEpoch) {
   arm(1);
   ask(0.1);
   EXPECT_TRUE(isMoving());
-  step(10, 0);  // 80 ms: still trusted.
+  step(9, 0);  // 72 ms: still trusted.
   EXPECT_EQ(host.outputs[24], 2);
-  step(2, 0);
+  step(3, 0);
   EXPECT_EQ(host.outputs[24], 1);
   EXPECT_EQ(host.twists.back()[2], 0.0);
   EXPECT_FALSE(isMoving());  // The heartbeat is back, the epoch is not new.
