@@ -16,6 +16,8 @@ constexpr double kPathStepM = 0.008;   // Between looks along a path, for the fa
 constexpr double kPathStepRad = 0.03;  // and for the rotation.
 constexpr double kPathStepJointRad = 0.02;
 constexpr double kSingular = 0.02;     // Smallest singular value of the Jacobian (m and rad mixed).
+constexpr double kSingularShare = 0.25;  // Of that step where the singular value is that small, and in proportion
+constexpr double kLeastStep = 5e-4;      // below, down to this share.
 constexpr double kSlackM = 1e-9;
 constexpr double kSlackRad = 1e-9;
 
@@ -213,11 +215,14 @@ std::optional<Objection> PositionRules::along(const RobotState& state, const Mot
     if (left * fastest_radps > limits_.max_joint_speed_radps * (1.0 + 1e-6))
       return Objection{GuardRule::kJointSpeed, format("Joint %.0f would have to race, so near is a singular pose.",
                                                       static_cast<double>(fastest_joint + 1))};
-    // Joints by small steps along the Jacobian: near a singularity its change is what matters.
+    // Joints by small steps along the Jacobian: near a singularity its change is what matters. A step must not
+    // lead across: on the other side it would look like the way out.
+    const double near_singular = std::clamp(kSingularShare * singularity / kSingular, kLeastStep, 1.0);
+    const double step_rad = kPathStepJointRad * (singularity < kSingular ? near_singular : 1.0);
     const double turning = twist.angular_radps.norm();
     const double fastest = twist.linear_mps.norm() + turning * lever;
     const double step_s = 1.0 / std::max({2.0 / length_s, fastest / kPathStepM, turning / kPathStepRad,
-                                          fastest_radps / kPathStepJointRad});
+                                          fastest_radps / step_rad});
     to_s = from_s + step_s > length_s * (1.0 - 1e-6) ? length_s : from_s + step_s;
     q += (to_s - from_s) * speeds;
     if (auto found = jointObjection(q, state.q)) return found;

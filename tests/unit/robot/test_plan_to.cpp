@@ -21,7 +21,7 @@ class PlanTo : public ::testing::Test {
  protected:
   PlanTo() {
     cell.limits.workspace = {"workspace", {-1.0, -1.0, -0.1}, {1.0, 1.0, 1.4}};
-    cell.limits.keep_out = {{"post", {0.35, -0.15, 0.0}, {0.55, 0.15, 0.7}}};
+    cell.limits.keep_out = {{"post", {0.37, -0.13, 0.0}, {0.55, 0.13, 0.7}}};
   }
   void makeGuard() {
     guard = std::make_unique<Guard>(arm, kinematics, clock, cell);
