@@ -100,6 +100,11 @@ CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, sess
     if (Eye* infrared = run.find(camera.camera, Stream::kInfrared)) {
       addCoverage(camera.camera, *infrared, camera.infrared_coverage, had_turn, result.missing);
       camera.tilt_limits.insert(camera.tilt_limits.end(), infrared->tilt_limits.begin(), infrared->tilt_limits.end());
+      if (had_turn && infrared->views == 0) {
+        result.missing.push_back(camera.camera + " infrared: the board was never found, while color saw it. Ink-jet "
+                                 "black is transparent to infrared: print the board on a laser printer; or block a "
+                                 "projector that dots it");
+      }
       if (const auto trouble = infrared->depthTrouble()) {
         result.missing.push_back("depth of " + camera.camera + ": " + *trouble);
       }
