@@ -65,17 +65,34 @@ TEST(Faults, DepthInAnotherUnit) {
   EXPECT_TRUE(names(result, "unit"));
 }
 
-TEST(Faults, ACameraThatNeverSeesTheBoard) {
+/// A second camera of the same kind, `shift_m` from the first.
+CellConfig twoCameras(const std::string& name, const Eigen::Vector3d& shift_m) {
   CellConfig cell = shortRun();
-  CameraConfig lost = cell.cameras[0];
-  lost.name = "lost";
-  cell.cameras.push_back(lost);
+  cell.cameras.push_back(cell.cameras[0]);
+  cell.cameras.back().name = name;
   SimulatedCameraConfig simulated = cell.simulation->cameras[0];
-  simulated.name = lost.name;
+  simulated.name = name;
+  simulated.position_m += shift_m;
   cell.simulation->cameras.push_back(simulated);
+  return cell;
+}
+
+TEST(Faults, AMountThatSlips) {
+  CellConfig cell = twoCameras("beside", {0.0, 0.12, 0.05});
+  EXPECT_FALSE(names(run(cell), "mount"));
+  SimulationFault fault;
+  fault.kind = FaultKind::kMountSlip;
+  fault.at_s = 55.0;
+  fault.translation_m = {0.0, 0.003, 0.0};
+  cell.simulation->faults.push_back(fault);
+  EXPECT_TRUE(names(run(cell), "mount"));
+}
+
+TEST(Faults, ACameraThatNeverSeesTheBoard) {
+  CellConfig cell = twoCameras("lost", Eigen::Vector3d::Zero());
   SimulationFault fault;
   fault.kind = FaultKind::kCameraTurnedAway;
-  fault.camera = lost.name;
+  fault.camera = "lost";
   cell.simulation->faults.push_back(fault);
   const CalibrationResult result = run(cell);
   ASSERT_EQ(result.cameras.size(), 1u);

@@ -7,6 +7,7 @@
 
 #include "run.h"
 #include "servocal/procedure/solve.h"
+#include "slip_check.h"
 
 namespace servocal::procedure {
 namespace {
@@ -92,6 +93,7 @@ CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, sess
     result = solve(cell.board, run.observations(), solve_options);
   }
   result.missing.insert(result.missing.begin(), missing.begin(), missing.end());
+  if (auto slip = slipDuring(run.observations(), result)) result.missing.push_back(*std::move(slip));
   for (CameraResult& camera : result.cameras) {
     Eye& color = *run.find(camera.camera, Stream::kColor);
     const bool had_turn = std::find(done.begin(), done.end(), &color) != done.end() && !options.hand_eye_only;
