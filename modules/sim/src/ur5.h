@@ -64,7 +64,7 @@ Ur5 Ur5::perturbed(Random& random, double rms_error_m, const Configurations& con
       arm.joints_[i].offset_rad = nominal.joints_[i].offset_rad + scale * unit[i].offset_rad;
     }
     double sum = 0.0;
-    for (const Vector6d q : configurations) {
+    for (const auto& q : configurations) {
       sum += (arm.forward(q).translation() - nominal.forward(q).translation()).squaredNorm();
     }
     const double rms = std::sqrt(sum / static_cast<double>(configurations.size()));
