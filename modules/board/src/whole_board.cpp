@@ -108,10 +108,11 @@ bool showsCorners(const cv::Mat& gray, const Grid& grid, const Checkerboard& boa
   return 3 * hidden <= count;  // Counted twice, by row and by column.
 }
 
-// True if no line's edges rise over a longer way than those of the others beside it: blur is much the same all over
-// the board, but a strip over a line of corners, however thin and whatever its gray, makes one edge into two.
+// True if no line's edges rise over a longer way than those of the lines beside it: focus changes slowly over the
+// board, but a strip over a line of corners, however thin and whatever its gray, makes one edge into two.
 bool edgesAreAlike(const Grid& grid) {
   constexpr double kMost = 1.3;  // Rendered boards reach 1.1.
+  constexpr double kFinestPx = 0.5;  // Below a pixel, sampling and sharpening say more about a rise than blur does.
   // With more blur than this a line of edges is a sine wave, whose height and rise are one and the same.
   constexpr double kSineBlur = 0.2;  // squares
   const bool is_sine = grid.blur_px.maxCoeff() > kSineBlur * grid.smallestSpacing();
@@ -126,9 +127,13 @@ bool edgesAreAlike(const Grid& grid) {
       blurs.push_back(median(blur));
       steps.push_back(median(step));
     }
-    const double typical_blur = median(blurs);
     for (int k = 0; k < lines; ++k) {
-      double rise = blurs[k] / typical_blur;
+      // At the ends, as wide as the next line's or as the trend of the next two goes on.
+      const int one = k > 0 ? k - 1 : k + 1, other = k < lines - 1 ? k + 1 : k - 1;
+      const int next = k == 0 ? 2 : lines - 3;
+      const double expected = one == other ? std::max(blurs[one], 2 * blurs[one] - blurs[next])
+                                           : 0.5 * (blurs[one] + blurs[other]);
+      double rise = (blurs[k] + kFinestPx) / (expected + kFinestPx);
       const double beside = 0.5 * (steps[k > 0 ? k - 1 : k + 1] + steps[k < lines - 1 ? k + 1 : k - 1]);
       if (is_sine) rise *= std::max(beside / steps[k], 1.0);
       if (rise > kMost) return false;
