@@ -39,8 +39,8 @@ struct HandEyeStep {
   double sigma_m = 0.0;    ///< What the estimate said of itself: length of its standard deviations.
 };
 
-/// The hand-eye from the first views alone, for growing numbers of them short of all, in the order in which they
-/// were seen.
+/// The hand-eye from the first views alone, for growing numbers of them short of all, in the order in which
+/// they were seen.
 std::vector<HandEyeStep> handEyeSteps(const ReportInput& input, const CameraResult& camera);
 
 struct DepthSample {
