@@ -145,7 +145,7 @@ class RandomResult {
     result.coverage = coverage();
     for (const Stream stream : {Stream::kColor, Stream::kInfrared}) {
       for (const char* direction : {"roll+", "roll-", "pitch+", "pitch-", "yaw+", "yaw-"}) {
-        result.tilt_limits.push_back({stream, direction, 0.7 + near(0.2), "detection"});
+        result.tilt_limits.push_back({direction, 0.7 + near(0.2), "detection", stream});
       }
     }
     result.infrared = intrinsics(LensModel::kPlumbBob, 512, 424, 366);
@@ -162,6 +162,7 @@ class RandomResult {
     affine.inliers = 600;
     affine.points = 720;
     result.affine_baseline = affine;
+    result.held_out = HeldOut{3, 0.2 + near(0.1), 2e-4 + near(1e-4)};
     result.time_offset_s = near(0.05);
     result.time_offset_sigma_s = 1e-3 + near(1e-4);
     return result;

@@ -31,7 +31,7 @@ class RecordedCell {
   void save(const std::filesystem::path& folder) const {
     session::Session recorded = session::Session::create(folder, cellText(), result.board, 1);
     for (const Observation& observation : observations) {
-      (void)recorded.add(observation, std::vector<cv::Mat>(observation.views.size()));
+      (void)recorded.add(observation, {});
     }
     for (const Attempt& attempt : attempts) (void)recorded.add(attempt);
     session::saveResult(folder / "result.yaml", result);
@@ -90,7 +90,7 @@ class RecordedCell {
       for (const char* direction : {"roll+", "roll-", "pitch+", "pitch-", "yaw+", "yaw-"}) {
         const bool roll = direction[0] == 'r';
         camera.tilt_limits.push_back(
-            {stream, direction, roll ? 0.785 : 0.7 + 0.1 * normal_(random_), roll ? "cap" : "detection"});
+            {direction, roll ? 0.785 : 0.7 + 0.1 * normal_(random_), roll ? "cap" : "detection", stream});
       }
     }
     camera.board_scale = BoardScale{1.0002, 1e-4};

@@ -18,6 +18,9 @@
 #include "errors.h"
 #include "run_program.h"
 #include "tag_pictures.h"
+#include "servocal/core/board_spec.h"
+#include "servocal/core/cell_config.h"
+#include "servocal/session/session.h"
 
 namespace servocal {
 namespace {

@@ -9,6 +9,7 @@
 #include "errors.h"
 #include "fake_arm.h"
 #include "shape_gap.h"
+#include "servocal/robot/guard.h"
 
 namespace servocal::robot {
 namespace {

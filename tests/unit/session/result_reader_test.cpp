@@ -147,6 +147,10 @@ TEST_F(ResultReader, EveryFieldComesBack) {
     EXPECT_EQ(a.affine_baseline->rms_m, b.affine_baseline->rms_m);
     EXPECT_EQ(a.affine_baseline->inliers, b.affine_baseline->inliers);
     EXPECT_EQ(a.affine_baseline->points, b.affine_baseline->points);
+    ASSERT_TRUE(a.held_out && b.held_out);
+    EXPECT_EQ(a.held_out->views, b.held_out->views);
+    EXPECT_EQ(a.held_out->rms_px, b.held_out->rms_px);
+    EXPECT_EQ(a.held_out->rms_m, b.held_out->rms_m);
     EXPECT_EQ(a.time_offset_s, b.time_offset_s);
     EXPECT_EQ(a.time_offset_sigma_s, b.time_offset_sigma_s);
   }
@@ -183,7 +187,7 @@ TEST_F(ResultReader, EveryMissingKeyIsNamed) {
   const std::set<std::string> optional = {
       "camera_pairs",      "with_outliers",     "hand_eye",       "board_scale",     "coverage",
       "tilt_limits",       "infrared",          "depth",          "covariance",      "color_infrared",
-      "infrared_hand_eye", "infrared_coverage", "combined_views", "affine_baseline", "time_offset_s"};
+      "infrared_hand_eye", "infrared_coverage", "combined_views", "affine_baseline", "time_offset_s", "held_out"};
   int removed = 0;
   const std::function<void(const Json&, const Json::json_pointer&)> visit =
       [&](const Json& node, const Json::json_pointer& at) {
