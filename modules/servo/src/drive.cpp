@@ -178,10 +178,13 @@ class Run {
     if (verdict.rule == GuardRule::kOperatorStop) return end(DriveStatus::kStopped, verdict.reason);
     if (verdict.rule == GuardRule::kStaleFrame) return std::nullopt;  // The next step calls it a loss.
     if (refusals_.lasted(verdict, now)) return end(DriveStatus::kLimit, verdict.reason);
-    if (seen_now_ && divergence_.grew(last_->stamp, errorPx(), !verdict.refused() && !slow(verdict.applied)))
+    // The feed-forward does not look at the image: by a wrong bMc it may lead away from a good start.
+    if (phase_ == Phase::kForward) divergence_.reset();
+    const bool moved = !verdict.refused() && !slow(verdict.applied);
+    if (seen_now_ && divergence_.grew(last_->stamp, errorPx(), moved))
       return end(DriveStatus::kLimit,
-                 sentence("The arm obeys, yet the target moves away from the goal, from %.0f to %.0f px: the mount of "
-                          "the target, a sign or a frame is wrong, or somebody moved target or camera.",
+                 sentence("The arm obeys, yet the target moves away from the goal, from %.0f to %.0f px: its mount, "
+                          "a sign or a frame is wrong, or somebody moved target or camera.",
                           divergence_.leastPx(), errorPx()));
     if (!isSettled(now, state, verdict)) return std::nullopt;
     const double error = errorPx();

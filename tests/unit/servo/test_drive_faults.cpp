@@ -198,7 +198,7 @@ TEST(DriveFaults, AWrongSignIsNoticedBeforeTheTargetIsLost) {
   cell.eMo = bench.eMo * Pose<Board, Board>::fromRotationVector({0, 0, M_PI}, Eigen::Vector3d::Zero());
   const DriveOutcome outcome = bench.drive(Bench::view({0.06, -0.03, 0.6}, {0, 0, 0}), cell);
   EXPECT_EQ(outcome.status, DriveStatus::kLimit) << outcome.reason;
-  EXPECT_NE(outcome.reason.find("a sign or a frame is wrong"), std::string::npos) << outcome.reason;
+  EXPECT_NE(outcome.reason.find("a sign or a frame"), std::string::npos) << outcome.reason;
   EXPECT_EQ(outcome.losses, 0);
   EXPECT_LT(toSeconds(outcome.elapsed), 2.0);
   EXPECT_TRUE(bench.arm.state().twist.isZero());
