@@ -35,7 +35,7 @@ CalibrationResult exampleResult() {
   hand_eye.camera_sigma << 1, 2, 3, 0.1, 0.2, 0.3;
   hand_eye.board_sigma.setConstant(std::numeric_limits<double>::quiet_NaN());
   camera.hand_eye = hand_eye;
-  camera.tilt_limits = {{Stream::kColor, "roll+", 0.5, "detection"}};
+  camera.tilt_limits = {{"roll+", 0.5, "detection"}};
   result.cameras = {camera};
   return result;
 }
