@@ -83,8 +83,8 @@ NoiseEstimate varianceComponents(const JointProblem& problem, const JointState& 
                               (seen->jacobian * local).cwiseProduct(seen->jacobian).sum();
     }
   }
-  const auto sigma = [](double squares, double degrees, double declared) {
-    return degrees >= kLeastDegrees ? std::max(kLeastRobotSigma, std::sqrt(squares / degrees)) : declared;
+  const auto sigma = [](double sum, double of, double declared) {
+    return of >= kLeastDegrees ? std::max(kLeastRobotSigma, std::sqrt(sum / of)) : declared;
   };
   out.noise.robot_m = sigma(squares_m2, out.degrees_m, problem.options().robot_sigma_m);
   out.noise.robot_rad = sigma(squares_rad2, out.degrees_rad, problem.options().robot_sigma_rad);

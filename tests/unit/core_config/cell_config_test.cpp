@@ -198,6 +198,7 @@ TEST(CellPage, DocumentsEveryKeyAndNoOther) {
   page << std::ifstream(SERVOCAL_CELL_PAGE).rdbuf();
   const std::string text = page.str();
   std::set<std::string> keys = keysOf(defaultCell());
+  keys.merge(keysOf(test::oneCameraCell()));
   keys.merge(keysOf(loadCell(SERVOCAL_EVERY_KEY_CELL)));
   keys.merge(keysOfEveryBoard());
   for (const char* key : {"host", "serial", "rtde_port", "dashboard_port", "program_port"}) keys.insert(key);  // ur

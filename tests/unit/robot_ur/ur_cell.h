@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "cells.h"
 #include "errors.h"
 #include "motion_key.h"
 #include "servocal/core/cell_config.h"
@@ -80,7 +81,7 @@ class UrCell {
   UrController controller;
   WallClock clock;
   ArmConfig config;
-  MotionLimits limits = defaultCell().limits;
+  MotionLimits limits = oneCameraCell().limits;
 };
 
 }  // namespace servocal::test
