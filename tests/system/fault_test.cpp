@@ -62,7 +62,7 @@ TEST(Faults, DepthInAnotherUnit) {
   EXPECT_TRUE(result.cameras[0].infrared);
   EXPECT_FALSE(result.cameras[0].depth);
   EXPECT_TRUE(names(result, "depth of " + fault.camera));
-  EXPECT_TRUE(names(result, "unit"));
+  EXPECT_TRUE(names(result, "one count is probably 1e-04 m"));
 }
 
 /// A second camera of the same kind, `shift_m` from the first.
