@@ -45,7 +45,8 @@ void solveInfrared(const BoardSpec& board, const std::vector<Observation>& obser
   }
 }
 
-/// Where robot and hand-eye say the board was: better than one small image alone can say (docs/depth.md).
+/// Where robot and hand-eye say the board was. One small image says little of a distance; the two sources have not been
+/// compared on the same views yet (docs/depth.md).
 std::map<std::int64_t, Pose<Infrared, Board>> boardPosesByRobot(const std::vector<Observation>& observations,
                                                                 const std::optional<HandEyeSolution>& hand_eye) {
   std::map<std::int64_t, Pose<Infrared, Board>> poses;
