@@ -36,7 +36,9 @@ TiltBin tiltBinOf(const Pose<Color, Board>& cMo) {
 }
 
 Coverage::Coverage(const CoverageConfig& config, int width_px, int height_px, const ViewGoals& goals)
-    : config_(config), width_px_(width_px), height_px_(height_px), goals_(goals) {
+    : config_(config), width_px_(width_px), height_px_(height_px), near_goal_(goals.near_views),
+      far_goal_(goals.far_views) {
+  tilt_goals_.fill(goals.views_per_tilt_bin);
   if (width_px <= 0 || height_px <= 0) throw std::invalid_argument("coverage of an empty image");
   if (config.cells_x <= 0 || config.cells_y <= 0) throw std::invalid_argument("coverage with no cells");
   corners_.assign(cells(), 0);
@@ -53,6 +55,20 @@ void Coverage::add(const std::vector<Eigen::Vector2d>& pixels, const Pose<Color,
 
 void Coverage::giveUp(int cell) { given_up_.at(cell) = true; }
 
+void Coverage::giveUpMarginals() {
+  const auto lower = [&](int& wanted, int have, const std::string& what) {
+    if (have >= wanted) return;
+    wanted = have;
+    out_of_reach_.push_back(what);
+  };
+  lower(near_goal_, near_views_, "near views");
+  lower(far_goal_, far_views_, "far views");
+  for (const TiltBin bin : kTiltBins) {
+    const auto i = static_cast<std::size_t>(bin);
+    lower(tilt_goals_[i], tilt_views_[i], std::string("tilt ") + toString(bin));
+  }
+}
+
 std::optional<int> Coverage::cellAt(const Eigen::Vector2d& pixel) const {
   // Pixel centres are at integers, so the image spans [-0.5, width - 0.5).
   const double column = (pixel.x() + 0.5) / width_px_ * config_.cells_x;
@@ -63,7 +79,8 @@ std::optional<int> Coverage::cellAt(const Eigen::Vector2d& pixel) const {
 
 Eigen::Vector2d Coverage::cellCenter(int cell) const {
   const int column = cell % config_.cells_x, row = cell / config_.cells_x;
-  return {(column + 0.5) * width_px_ / config_.cells_x - 0.5, (row + 0.5) * height_px_ / config_.cells_y - 0.5};
+  return {(column + 0.5) * width_px_ / config_.cells_x - 0.5,
+          (row + 0.5) * height_px_ / config_.cells_y - 0.5};
 }
 
 int Coverage::filledCells() const {
@@ -89,8 +106,9 @@ bool Coverage::isFar(const Pose<Color, Board>& cMo) const {
 }
 
 int Coverage::deficit() const {
-  int lacking = std::max(0, goals_.near_views - near_views_) + std::max(0, goals_.far_views - far_views_);
-  for (const int views : tilt_views_) lacking += std::max(0, goals_.views_per_tilt_bin - views);
+  int lacking = std::max(0, near_goal_ - near_views_) + std::max(0, far_goal_ - far_views_);
+  for (std::size_t i = 0; i < tilt_views_.size(); ++i)
+    lacking += std::max(0, tilt_goals_[i] - tilt_views_[i]);
   for (const int cell : openCells()) lacking += missingToFill(cell);
   return lacking;
 }
@@ -109,8 +127,9 @@ int Coverage::missingCorners(const std::vector<Eigen::Vector2d>& pixels) const {
 }
 
 int Coverage::missingMarginals(const Pose<Color, Board>& cMo) const {
-  const bool distance = isFar(cMo) ? far_views_ < goals_.far_views : near_views_ < goals_.near_views;
-  const bool tilt = tilt_views_[static_cast<std::size_t>(tiltBinOf(cMo))] < goals_.views_per_tilt_bin;
+  const bool distance = isFar(cMo) ? far_views_ < far_goal_ : near_views_ < near_goal_;
+  const auto bin = static_cast<std::size_t>(tiltBinOf(cMo));
+  const bool tilt = tilt_views_[bin] < tilt_goals_[bin];
   return int(distance) + int(tilt);
 }
 
@@ -119,18 +138,19 @@ bool Coverage::complete() const { return missing().empty(); }
 std::vector<std::string> Coverage::missing() const {
   std::vector<std::string> sentences;
   if (const auto open = openCells().size(); open > 0) {
-    sentences.push_back(std::to_string(open) + " of " + std::to_string(cells()) + " image cells are not filled");
+    sentences.push_back(std::to_string(open) + " of " + std::to_string(cells()) +
+                        " image cells are not filled");
   }
   const auto require = [&](int have, int want, const std::string& what) {
     if (have < want) {
       sentences.push_back("only " + std::to_string(have) + " of " + std::to_string(want) + " " + what);
     }
   };
-  require(near_views_, goals_.near_views, "near views");
-  require(far_views_, goals_.far_views, "far views");
+  require(near_views_, near_goal_, "near views");
+  require(far_views_, far_goal_, "far views");
   for (const TiltBin bin : kTiltBins) {
-    require(tilt_views_[static_cast<std::size_t>(bin)], goals_.views_per_tilt_bin,
-            std::string("views with tilt ") + toString(bin));
+    const auto i = static_cast<std::size_t>(bin);
+    require(tilt_views_[i], tilt_goals_[i], std::string("views with tilt ") + toString(bin));
   }
   return sentences;
 }
@@ -147,6 +167,7 @@ CoverageSummary Coverage::summary() const {
   for (const TiltBin bin : kTiltBins) {
     summary.tilt_bins.emplace_back(toString(bin), tilt_views_[static_cast<std::size_t>(bin)]);
   }
+  summary.out_of_reach = out_of_reach_;
   return summary;
 }
 

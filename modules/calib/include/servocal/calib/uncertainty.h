@@ -9,6 +9,7 @@
 
 #include "servocal/calib/joint.h"
 #include "servocal/core/cell_config.h"
+#include "servocal/core/joint_result.h"
 #include "servocal/core/result.h"
 
 namespace servocal::calib {
@@ -28,15 +29,6 @@ std::vector<Eigen::Vector3d> shapedCorners(const BoardSpec& board, const BoardSh
 Eigen::MatrixXd jointCovarianceAt(const BoardSpec& board, const std::vector<Observation>& observations,
                                   const JointSolution& at);
 
-/// A grid over an image, row by row from the upper left, borders included.
-struct ProjectionMap {
-  int cells_x = 0;
-  int cells_y = 0;
-  std::vector<double> sigma_px;  ///< Standard deviation of the projection in its worst direction.
-  double worst_px = 0.0;
-  double rms_px = 0.0;
-};
-
 enum class Anchor {
   kBase,        ///< A point that stands in the frame the camera stands in: pose and intrinsics err.
   kIntrinsics,  ///< Intrinsics alone, after the rotation (at a distance: the motion) of the camera that hides
@@ -51,18 +43,6 @@ enum class Anchor {
 ProjectionMap projectionMap(const JointSolution& solution, const JointCamera& camera, Anchor anchor,
                             std::optional<double> distance_m = std::nullopt, int cells_x = 13,
                             int cells_y = 9);
-
-/// A grid over a box in the frame that the camera stands in, x fastest, then y, borders included.
-struct WorkspaceMap {
-  int cells_x = 0;
-  int cells_y = 0;
-  int cells_z = 0;
-  std::vector<double>
-      sigma_m;           ///< Length of the standard deviation of a 3-D point; NaN where it is not seen.
-  double worst_m = 0.0;  ///< Of those seen.
-  double rms_m = 0.0;
-  int seen = 0;
-};
 
 /// Error of a point that is measured at its pixel with perfect depth and mapped to the base (or flange) with
 /// the solution: what intrinsics and pose do to the points of the workspace.

@@ -40,7 +40,7 @@ struct MotionLimits {
 };
 
 enum class ArmBackend { kSim, kUr };
-enum class CameraBackend { kSim };
+enum class CameraBackend { kSim, kOpenNi2, kFreenect, kV4l2 };
 enum class Mount { kFixed, kFlange };  ///< Where a camera is; the board is on the other.
 
 /// How the controller of a Universal Robots arm is reached.
@@ -52,13 +52,21 @@ struct UrConfig {
   int program_port = 30001;   ///< Primary interface.
 };
 
+/// Where the arm looks for the cameras when none sees the board at the start: raised, it turns its first joint.
+struct SearchSweep {
+  Eigen::VectorXd posture_q;  ///< Joint angles of the raised arm, rad; that of the first joint does not count.
+  double from_rad = 0.0;      ///< First joint from here
+  double to_rad = 0.0;        ///< to here.
+};
+
 struct ArmConfig {
   ArmBackend backend = ArmBackend::kSim;
   std::optional<UrConfig> ur;       ///< There if the backend is kUr.
   std::string urdf = "ur5";         ///< "ur5" (built in) or a file, relative to the cell file.
   std::string base_link = "base";
   std::string flange_link = "tool0";
-  Eigen::VectorXd start_q;          ///< Joint angles at the start, rad. The camera sees the board there.
+  Eigen::VectorXd start_q;          ///< Joint angles at the start, rad. Some camera sees the board there, or
+  std::optional<SearchSweep> search;  ///< else this sweep finds one.
   double accuracy_m = 0.0003;       ///< Declared robot noise of the estimators: 1 sigma per axis,
   double accuracy_rad = 0.0005;     ///< over the volume (not the repeatability).
 };
@@ -77,24 +85,45 @@ struct InfraredConfig {
                                       ///< at every stop, while everything stands still.
 };
 
+/// Part of an image, px.
+struct ImageRegion {
+  int x_px = 0;  ///< Of its upper left pixel.
+  int y_px = 0;
+  int width_px = 0;
+  int height_px = 0;
+};
+
 /// What is known of a camera before calibration: a data sheet, nothing more.
 struct CameraConfig {
   std::string name;
   CameraBackend backend = CameraBackend::kSim;
+  std::string device;                 ///< Which one, as the backend names it: serial number, address or
+                                      ///< number; empty: the only one. Not of a simulated camera.
   Mount mount = Mount::kFixed;
   int width_px = 1920;                ///< Of the color image.
   int height_px = 1080;
   double horizontal_fov_rad = 1.466;  ///< Nominal.
   double latency_s = 0.065;           ///< Nominal, middle of the exposure to arrival; the run checks it.
   std::optional<InfraredConfig> infrared;
+  std::optional<ImageRegion> region;  ///< Of the color image: only this need be covered. Nothing: all of it.
 };
 
 /// A distortion-free camera from the data sheet of one stream; depth is the infrared's.
 /// @throws std::invalid_argument if the camera has no such stream.
 CameraModel nominalModel(const CameraConfig& camera, Stream stream);
 
-/// Goals of the coverage stage.
+/// Which view is worth most.
+enum class Planner {
+  kCoverage,     ///< The one that fills most of what no camera has seen.
+  kInformation,  ///< The one that takes most uncertainty away, above a floor of coverage.
+};
+
+/// Goals and method of the coverage stage.
 struct CoverageConfig {
+  Planner planner = Planner::kCoverage;
+  double projection_goal_px = 0.35;  ///< Worst projection uncertainty that is good enough, one sigma;
+  double point_goal_m = 0.0005;      ///< and that of points of the workspace. Of Planner::kInformation.
+
   int cells_x = 8;
   int cells_y = 5;
   int infrared_cells_x = 6;      ///< Of infrared images.
@@ -129,7 +158,7 @@ CellConfig loadCell(const std::filesystem::path& file);
 /// names is relative to the current folder.
 CellConfig parseCell(const std::string& text, const std::string& origin);
 
-/// The default cell, embedded in the program: one simulated UR5, one Kinect-v2-like color camera.
+/// The default cell, embedded in the program: one simulated UR5, two Kinect v2, one Kinect v1.
 CellConfig defaultCell();
 
 }  // namespace servocal

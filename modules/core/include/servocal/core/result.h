@@ -10,6 +10,7 @@
 #include "servocal/core/camera_model.h"
 #include "servocal/core/cell_config.h"
 #include "servocal/core/depth_model.h"
+#include "servocal/core/joint_result.h"
 #include "servocal/core/pose.h"
 
 namespace servocal {
@@ -110,6 +111,7 @@ struct CoverageSummary {
   int near_views = 0;
   int far_views = 0;
   std::vector<std::pair<std::string, int>> tilt_bins;
+  std::vector<std::string> out_of_reach;  ///< Distances and tilts given up after tries: "far views", "tilt yaw-".
 };
 
 /// Where one camera stands beside another: a stereo rig, or color and infrared of one RGB-D camera.
@@ -164,6 +166,9 @@ struct CalibrationResult {
   BoardSpec board;
   std::vector<CameraResult> cameras;
   std::vector<CameraPair> camera_pairs;  ///< The first camera with each of the others that see the board with it.
+  std::optional<JointResult> joint;  ///< Everything at once; nothing if that could not be solved, which
+                                     ///< joint_problem then says.
+  std::string joint_problem;
   double motion_time_s = 0.0;        ///< First to last motion, tilt search included.
   double tilt_time_s = 0.0;          ///< Of which tilt search.
   int observations = 0;

@@ -17,9 +17,8 @@ namespace servocal::coverage {
 /// How the board leans against the image plane: its normal turned about the image's x axis (pitch) or
 /// y axis (yaw), by the larger of the two.
 enum class TiltBin { kFrontal, kPitchPlus, kPitchMinus, kYawPlus, kYawMinus };
-inline constexpr std::array<TiltBin, 5> kTiltBins = {TiltBin::kFrontal, TiltBin::kPitchPlus,
-                                                     TiltBin::kPitchMinus, TiltBin::kYawPlus,
-                                                     TiltBin::kYawMinus};
+inline constexpr std::array<TiltBin, 5> kTiltBins = {
+    TiltBin::kFrontal, TiltBin::kPitchPlus, TiltBin::kPitchMinus, TiltBin::kYawPlus, TiltBin::kYawMinus};
 const char* toString(TiltBin bin);  ///< "frontal", "pitch+", ...
 /// Leaning less than 12 degrees is frontal.
 TiltBin tiltBinOf(const Pose<Color, Board>& cMo);
@@ -42,6 +41,8 @@ class Coverage {
   void add(const std::vector<Eigen::Vector2d>& pixels, const Pose<Color, Board>& cMo);
   /// Marks a cell as out of reach; it counts as done from now on.
   void giveUp(int cell);
+  /// Marks the distances and tilts that still lack views as out of reach; they count as done from now on.
+  void giveUpMarginals();
 
   int cells() const { return config_.cells_x * config_.cells_y; }
   /// Cell (row by row from the upper left) that holds the pixel; nothing outside the image.
@@ -74,12 +75,15 @@ class Coverage {
   CoverageConfig config_;
   int width_px_;
   int height_px_;
-  ViewGoals goals_;
+  int near_goal_;
+  int far_goal_;
+  std::array<int, kTiltBins.size()> tilt_goals_{};
   std::vector<int> corners_;
   std::vector<bool> given_up_;
   int near_views_ = 0;
   int far_views_ = 0;
   std::array<int, kTiltBins.size()> tilt_views_{};
+  std::vector<std::string> out_of_reach_;
 };
 
 }  // namespace servocal::coverage
