@@ -12,7 +12,7 @@ namespace servocal::procedure {
 namespace {
 
 constexpr double kDegree = M_PI / 180.0;
-constexpr int kTriesPerCell = 3;
+constexpr int kTries = 3;         // for one image cell, or for distances and tilts, before they count as out of reach
 constexpr double kPlanMarginOfHeight = 0.022;  // 24 px of 1080
 
 /// The largest angle at which the board is sure to be detected, by the tilt search.
@@ -43,7 +43,7 @@ int fill(Run& run, Eye& eye, coverage::Coverage& coverage, const plan::PlanOptio
   const Eigen::VectorXd start_q = run.guard().state().q;
   const Instant begin = run.clock().now();
   std::vector<Pose<Color, Board>> tried;
-  std::map<int, int> failures;
+  std::map<std::optional<int>, int> failures;  // by cell; nothing: distances and tilts
   int views = 0;
   run.report(stage, eye, 0, max_views);
   while (views < max_views && !coverage.complete()) {
@@ -51,7 +51,10 @@ int fill(Run& run, Eye& eye, coverage::Coverage& coverage, const plan::PlanOptio
     const plan::NextView next = plan::nextView(coverage, belief, run.cell().board, run.guard(), run.guard().state().q,
                                                start_q, tried, plan_options);
     for (const int cell : next.unreachable) coverage.giveUp(cell);
-    if (!next.view) break;
+    if (!next.view) {
+      coverage.giveUpMarginals();
+      break;
+    }
 
     tried.push_back(next.view->cdMo);  // The same view again would add corners, but nothing new.
     if (next.view->via_start && run.moveTo(run.guard().kinematics().forward(start_q))) continue;
@@ -69,8 +72,12 @@ int fill(Run& run, Eye& eye, coverage::Coverage& coverage, const plan::PlanOptio
       }
       run.updateBelief(eye);
     }
-    if (coverage.deficit() == deficit && next.view->cell && ++failures[*next.view->cell] >= kTriesPerCell) {
-      coverage.giveUp(*next.view->cell);
+    if (coverage.deficit() == deficit && ++failures[next.view->cell] >= kTries) {
+      if (next.view->cell) {
+        coverage.giveUp(*next.view->cell);
+      } else {
+        coverage.giveUpMarginals();
+      }
     }
     const double per_view_s = toSeconds(run.clock().now() - begin) / std::max(1, views);
     const int open = static_cast<int>(coverage.openCells().size());

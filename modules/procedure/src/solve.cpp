@@ -10,6 +10,7 @@
 #include "servocal/calib/board_pose.h"
 #include "servocal/calib/camera_pair.h"
 #include "servocal/calib/depth_distortion.h"
+#include "servocal/calib/eye_to_hand.h"
 #include "stream_solver.h"
 
 namespace servocal::procedure {
@@ -74,6 +75,16 @@ void solveDepth(const BoardSpec& board, const std::vector<Observation>& observat
   } else {
     missing.push_back("depth of " + result.camera + ": " + outcome.reason);
   }
+}
+
+/// The paper's estimator on the same stops, to be reported beside ours.
+void addAffineBaseline(const BoardSpec& board, const std::vector<Observation>& observations, CameraResult& result) {
+  if (!result.depth || !result.infrared_hand_eye || result.infrared_hand_eye->mount != Mount::kFixed) return;
+  const Pose<EndEffector, Board> eMo(result.infrared_hand_eye->board_pose);
+  result.affine_baseline =
+      calib::solveAffineEyeToHand(
+          calib::boardPoints(board, result.depth->model, observations, result.camera, eMo))
+          .result;
 }
 
 /// Errors in views that no solver saw: what the robot and the result predict against what is seen.
@@ -160,6 +171,7 @@ CalibrationResult solve(const BoardSpec& board, const std::vector<Observation>& 
       solveInfrared(board, observations, has_robot, options, *solved, result.missing);
     }
     solveDepth(board, observations, options, *solved, result.missing);
+    addAffineBaseline(board, observations, *solved);
     solved->held_out = holdOut(board, kept, *solved);
     result.cameras.push_back(*std::move(solved));
   }
