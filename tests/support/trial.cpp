@@ -55,10 +55,16 @@ std::optional<double> depthErrorM(const sim::Truth& truth, const std::string& ca
   return std::sqrt(sum / count);
 }
 
-CameraErrors errorsOf(const sim::Truth& truth, const CameraResult& camera) {
+/// In the base, or in the flange if the camera rides on it.
+Pose<Base, Color> truePose(const sim::Truth& truth, const CameraResult& camera, Instant now) {
+  if (camera.hand_eye->mount == Mount::kFixed) return truth.bMc(camera.camera, now);
+  return relabel<Base, Color>(truth.eMc(camera.camera, now));
+}
+
+CameraErrors errorsOf(const sim::Truth& truth, const CameraResult& camera, Instant now) {
   CameraErrors errors;
   errors.camera = camera.camera;
-  const Pose<Base, Color> bMc(camera.hand_eye->camera_pose), true_bMc = truth.bMc(camera.camera);
+  const Pose<Base, Color> bMc(camera.hand_eye->camera_pose), true_bMc = truePose(truth, camera, now);
   errors.pose_m = distanceM(bMc, true_bMc);
   errors.pose_rad = angleRad(bMc, true_bMc);
   if (camera.color_infrared) {
@@ -102,9 +108,10 @@ Trial runTrial(const CellConfig& cell, std::uint64_t seed, const std::filesystem
   // From here on the truth is read, after the run has ended.
   const sim::Truth truth(simulation);
   for (const CameraResult& camera : trial.result.cameras) {
-    if (camera.hand_eye) trial.errors.push_back(errorsOf(truth, camera));
+    if (camera.hand_eye) trial.errors.push_back(errorsOf(truth, camera, simulation.clock().now()));
   }
   const std::string& name = cell.cameras.front().name;
+  if (cell.cameras.front().mount == Mount::kFlange) return trial;
   const ReachableCells reachable = reachableCells(cell, truth, name);
   trial.cells = static_cast<int>(reachable.cells.size());
   trial.reachable_cells = reachable.count();

@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "hand_eye_start.h"
+#include "servocal/core/mount.h"
 
 namespace servocal::calib {
 namespace {
@@ -17,10 +18,6 @@ struct Views {
   std::vector<CandidateView> candidates;
   std::vector<std::size_t> observation;  // by view, index into the observations
 };
-
-Pose<Base, EndEffector> forMount(Mount mount, const Pose<Base, EndEffector>& bMe) {
-  return mount == Mount::kFixed ? bMe : relabel<Base, EndEffector>(bMe.inverse());
-}
 
 Views viewsOf(const BoardSpec& board, const CameraModel& camera, const std::vector<Observation>& observations,
               const std::string& camera_name, Stream stream, Mount mount) {

@@ -40,6 +40,23 @@ UrConfig readUr(const ConfigReader& section) {
   return ur;
 }
 
+SearchSweep readSearch(const ConfigReader& section, Eigen::Index joints) {
+  SearchSweep search;
+  constexpr Range kTurn{-360.0, 360.0};
+  const std::vector<double> others_deg =
+      section.numbers("posture_deg", static_cast<std::size_t>(joints - 1), kTurn);
+  const std::vector<double> sweep_deg = section.numbers("first_joint_deg", 2, kTurn);
+  search.from_rad = sweep_deg[0] * kRadPerDeg;
+  search.to_rad = sweep_deg[1] * kRadPerDeg;
+  search.posture_q.resize(joints);
+  search.posture_q[0] = search.from_rad;
+  for (Eigen::Index i = 1; i < joints; ++i) {
+    search.posture_q[i] = others_deg[static_cast<std::size_t>(i - 1)] * kRadPerDeg;
+  }
+  section.finish();
+  return search;
+}
+
 ArmConfig readArm(const ConfigReader& section, const std::filesystem::path& folder) {
   ArmConfig arm;
   arm.backend = static_cast<ArmBackend>(section.choice("backend", {"sim", "ur"}));
@@ -53,6 +70,7 @@ ArmConfig readArm(const ConfigReader& section, const std::filesystem::path& fold
   arm.start_q =
       Eigen::Map<const Eigen::VectorXd>(start_q_deg.data(), static_cast<Eigen::Index>(start_q_deg.size())) *
       kRadPerDeg;
+  if (const auto search = section.optionalSection("search")) arm.search = readSearch(*search, arm.start_q.size());
   arm.accuracy_m = section.number("accuracy_m", {1e-6, 0.05}, arm.accuracy_m);
   arm.accuracy_rad = section.number("accuracy_deg", {1e-5, 5.0}, arm.accuracy_rad / kRadPerDeg) * kRadPerDeg;
   section.finish();
@@ -96,6 +114,18 @@ InfraredConfig readInfrared(const ConfigReader& section) {
   return infrared;
 }
 
+ImageRegion readRegion(const ConfigReader& section, const CameraConfig& camera) {
+  const std::vector<double> numbers = section.numbers("region_px", 4, {0, 20000});
+  const ImageRegion region{static_cast<int>(numbers[0]), static_cast<int>(numbers[1]), static_cast<int>(numbers[2]),
+                           static_cast<int>(numbers[3])};
+  if (region.width_px < 1 || region.height_px < 1 || region.x_px + region.width_px > camera.width_px ||
+      region.y_px + region.height_px > camera.height_px) {
+    section.fail("region_px", "'region_px' (x, y, width, height) must lie in the image of " +
+                                  std::to_string(camera.width_px) + " x " + std::to_string(camera.height_px));
+  }
+  return region;
+}
+
 CameraConfig readCamera(const ConfigReader& section) {
   CameraConfig camera;
   camera.name = section.text("name");
@@ -107,6 +137,7 @@ CameraConfig readCamera(const ConfigReader& section) {
   camera.horizontal_fov_rad = section.number("horizontal_fov_deg", {5.0, 170.0}) * kRadPerDeg;
   camera.latency_s = section.number("latency_s", {0.0, 2.0}, camera.latency_s);
   if (const auto infrared = section.optionalSection("infrared")) camera.infrared = readInfrared(*infrared);
+  if (section.has("region_px")) camera.region = readRegion(section, camera);
   section.finish();
   return camera;
 }

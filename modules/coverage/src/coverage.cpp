@@ -35,11 +35,10 @@ TiltBin tiltBinOf(const Pose<Color, Board>& cMo) {
   return yaw > 0 ? TiltBin::kYawPlus : TiltBin::kYawMinus;
 }
 
-Coverage::Coverage(const CoverageConfig& config, int width_px, int height_px, const ViewGoals& goals)
-    : config_(config), width_px_(width_px), height_px_(height_px), near_goal_(goals.near_views),
-      far_goal_(goals.far_views) {
+Coverage::Coverage(const CoverageConfig& config, const ImageRegion& region, const ViewGoals& goals)
+    : config_(config), region_(region), near_goal_(goals.near_views), far_goal_(goals.far_views) {
   tilt_goals_.fill(goals.views_per_tilt_bin);
-  if (width_px <= 0 || height_px <= 0) throw std::invalid_argument("coverage of an empty image");
+  if (region.width_px <= 0 || region.height_px <= 0) throw std::invalid_argument("coverage of an empty image");
   if (config.cells_x <= 0 || config.cells_y <= 0) throw std::invalid_argument("coverage with no cells");
   corners_.assign(cells(), 0);
   given_up_.assign(cells(), false);
@@ -70,17 +69,17 @@ void Coverage::giveUpMarginals() {
 }
 
 std::optional<int> Coverage::cellAt(const Eigen::Vector2d& pixel) const {
-  // Pixel centres are at integers, so the image spans [-0.5, width - 0.5).
-  const double column = (pixel.x() + 0.5) / width_px_ * config_.cells_x;
-  const double row = (pixel.y() + 0.5) / height_px_ * config_.cells_y;
+  // Pixel centres are at integers, so an image spans [-0.5, width - 0.5).
+  const double column = (pixel.x() + 0.5 - region_.x_px) / region_.width_px * config_.cells_x;
+  const double row = (pixel.y() + 0.5 - region_.y_px) / region_.height_px * config_.cells_y;
   if (!(column >= 0 && row >= 0 && column < config_.cells_x && row < config_.cells_y)) return std::nullopt;
   return static_cast<int>(row) * config_.cells_x + static_cast<int>(column);
 }
 
 Eigen::Vector2d Coverage::cellCenter(int cell) const {
   const int column = cell % config_.cells_x, row = cell / config_.cells_x;
-  return {(column + 0.5) * width_px_ / config_.cells_x - 0.5,
-          (row + 0.5) * height_px_ / config_.cells_y - 0.5};
+  return {region_.x_px + (column + 0.5) * region_.width_px / config_.cells_x - 0.5,
+          region_.y_px + (row + 0.5) * region_.height_px / config_.cells_y - 0.5};
 }
 
 int Coverage::filledCells() const {
@@ -94,7 +93,7 @@ std::vector<int> Coverage::openCells() const {
   for (int cell = 0; cell < cells(); ++cell) {
     if (!filled(cell) && !given_up_[cell]) open.push_back(cell);
   }
-  const Eigen::Vector2d center(0.5 * (width_px_ - 1), 0.5 * (height_px_ - 1));
+  const Eigen::Vector2d center(region_.x_px + 0.5 * (region_.width_px - 1), region_.y_px + 0.5 * (region_.height_px - 1));
   std::stable_sort(open.begin(), open.end(), [&](int a, int b) {
     return (cellCenter(a) - center).norm() < (cellCenter(b) - center).norm();
   });

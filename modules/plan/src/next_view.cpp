@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "servocal/core/mount.h"
+
 namespace servocal::plan {
 namespace {
 
@@ -89,7 +91,9 @@ NextView nextView(const coverage::Coverage& coverage, const Belief& belief, cons
                   const std::vector<Pose<Color, Board>>& tried, const PlanOptions& options) {
   const CameraModel& camera = belief.camera;
   const auto bMe_now = guard.kinematics().forward(current_q);
-  const auto bMeOf = [&](const Pose<Color, Board>& cdMo) { return belief.bMc * cdMo * belief.eMo.inverse(); };
+  const auto bMeOf = [&](const Pose<Color, Board>& cdMo) { 
+    return forMount(belief.mount, belief.bMc * cdMo * belief.eMo.inverse());
+  };
   const auto isTried = [&](const Pose<Color, Board>& cdMo) {
     return std::any_of(tried.begin(), tried.end(), [&](const Pose<Color, Board>& old) {
       return distanceM(cdMo, old) < 0.03 && angleRad(cdMo, old) < 0.1;

@@ -12,21 +12,24 @@
 namespace servocal::procedure {
 namespace {
 
-/// The color eyes in the order of their turns: first one that sees the board where the arm stands now.
-std::vector<Eye*> turns(Run& run) {
+/// The color eyes in the order of their turns: first one that sees the board where the arm stands now or, if none
+/// does, that finds it in the search sweep. A sentence if that found none.
+std::vector<Eye*> turns(Run& run, std::vector<std::string>& missing) {
   std::vector<Eye*> order;
   for (Eye& eye : run.eyes()) {
     if (eye.stream() == Stream::kColor) order.push_back(&eye);
   }
-  const auto seesBoard = [&](Eye* eye) {
+  auto first = std::find_if(order.begin(), order.end(), [&](Eye* eye) {
     const auto seen = eye->observer().see(run.clock().now() + std::chrono::milliseconds(500));
     return seen && seen->detection && eye->observer().isUsable(*seen->detection);
-  };
-  std::stable_partition(order.begin(), order.end(), [&, found = false](Eye* eye) mutable {
-    if (found || !seesBoard(eye)) return false;
-    found = true;
-    return true;
   });
+  if (first == order.end() && run.cell().arm.search && !order.empty()) {
+    run.report("find", *order.front(), 0, 0, "No camera sees the board; the arm looks round.");
+    const Found found = search(run);
+    if (!found.eye) missing.push_back(found.problem);
+    first = std::find(order.begin(), order.end(), found.eye);
+  }
+  if (first != order.end()) std::rotate(order.begin(), first, first + 1);
   return order;
 }
 
@@ -48,6 +51,17 @@ std::optional<std::string> takeTurn(Run& run, Eye& color, double& tilt_time_s) {
   return std::nullopt;
 }
 
+/// What became of an eye's frames and stamps.
+void addTiming(Eye& eye, CameraResult& camera, std::vector<std::string>& missing) {
+  if (eye.stream() == Stream::kColor && eye.timeOffset()) {
+    camera.time_offset_s = eye.timeOffset()->offset_s;
+    camera.time_offset_sigma_s = eye.timeOffset()->sigma_s;
+  }
+  if (const auto late = eye.tooLate()) missing.push_back(eye.name() + ": " + *late);
+  const sensor::FrameCounts counts = eye.device().counts(eye.stream());
+  if (counts.dropped() > 0) camera.notes.push_back(std::string(toString(eye.stream())) + " frames dropped: " + counts.text());
+}
+
 void addCoverage(const std::string& camera, Eye& eye, std::optional<CoverageSummary>& summary, bool wanted,
                  std::vector<std::string>& missing) {
   summary = eye.coverage.summary();
@@ -67,7 +81,7 @@ CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, sess
   Run run(cell, devices, session, on_event, options);
   std::vector<std::string> missing;
   double tilt_time_s = 0.0;
-  const std::vector<Eye*> order = turns(run);
+  const std::vector<Eye*> order = turns(run, missing);
   std::vector<Eye*> done;
   for (Eye* eye : order) {
     if (const auto problem = takeTurn(run, *eye, tilt_time_s)) {
@@ -86,6 +100,7 @@ CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, sess
     run.setEta(std::nullopt);
     run.report("solve", *done.front(), 0, 1, "Solving from " + std::to_string(run.observations().size()) + " observations.");
     SolveOptions solve_options;
+    solve_options.mount = run.mount();
     solve_options.robot_sigma_m = cell.arm.accuracy_m;
     solve_options.robot_sigma_rad = cell.arm.accuracy_rad;
     solve_options.given_intrinsics = options.given_intrinsics;
@@ -99,6 +114,7 @@ CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, sess
     const bool had_turn = std::find(done.begin(), done.end(), &color) != done.end() && !options.hand_eye_only;
     addCoverage(camera.camera, color, camera.coverage, had_turn, result.missing);
     camera.tilt_limits = color.tilt_limits;
+    addTiming(color, camera, result.missing);
     if (Eye* infrared = run.find(camera.camera, Stream::kInfrared)) {
       addCoverage(camera.camera, *infrared, camera.infrared_coverage, had_turn, result.missing);
       camera.tilt_limits.insert(camera.tilt_limits.end(), infrared->tilt_limits.begin(), infrared->tilt_limits.end());
@@ -107,6 +123,7 @@ CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, sess
                                  "black is transparent to infrared: print the board on a laser printer; or block a "
                                  "projector that dots it");
       }
+      addTiming(*infrared, camera, result.missing);
       if (const auto trouble = infrared->depthTrouble()) {
         result.missing.push_back("depth of " + camera.camera + ": " + *trouble);
       }

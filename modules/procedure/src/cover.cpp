@@ -46,8 +46,8 @@ int fill(Run& run, Eye& eye, coverage::Coverage& coverage, const plan::PlanOptio
   std::map<std::optional<int>, int> failures;  // by cell; nothing: distances and tilts
   int views = 0;
   run.report(stage, eye, 0, max_views);
-  while (views < max_views && !coverage.complete()) {
-    const plan::Belief belief{eye.model(), *eye.bMc(), run.eMo(eye)};
+  while (views < max_views && !coverage.complete() && !eye.tooLate()) {
+    const plan::Belief belief{eye.model(), *eye.bMc(), run.eMo(eye), run.mount()};
     const plan::NextView next = plan::nextView(coverage, belief, run.cell().board, run.guard(), run.guard().state().q,
                                                start_q, tried, plan_options);
     for (const int cell : next.unreachable) coverage.giveUp(cell);
@@ -94,7 +94,7 @@ coverage::Coverage sparse(const Run& run, const Eye& eye, int cells_x, int cells
   config.cells_x = cells_x;
   config.cells_y = cells_y;
   config.corners_per_cell = 6;
-  return {config, eye.model().width_px, eye.model().height_px, goals};
+  return {config, ImageRegion{0, 0, eye.model().width_px, eye.model().height_px}, goals};
 }
 
 }  // namespace

@@ -2,7 +2,11 @@
 #include "eye.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <stdexcept>
+
+#include "servocal/core/mount.h"
+#include "servocal/servo/drive.h"
 
 namespace servocal::procedure {
 namespace {
@@ -10,19 +14,40 @@ namespace {
 // Where the belief is rough, a board predicted this far outside the image may still be inside.
 constexpr double kRoughPx = 60.0;
 constexpr double kEdgeOn = 0.15;  // cosine of the angle to the line of sight
+constexpr std::size_t kSightsToCompare = 90;  // three seconds of motion
+constexpr double kClockSearchS = 0.15;
 constexpr double kSureOfHeight = 0.015, kSureCosine = 0.5;
+
+/// What of an eye's image is to be covered. The color image's region, seen from afar by infrared.
+ImageRegion regionOf(const CameraConfig& camera, Stream stream) {
+  if (stream == Stream::kColor) return camera.region.value_or(ImageRegion{0, 0, camera.width_px, camera.height_px});
+  const ImageRegion whole{0, 0, camera.infrared->width_px, camera.infrared->height_px};
+  if (!camera.region) return whole;
+  const CameraModel color = nominalModel(camera, Stream::kColor), infrared = nominalModel(camera, stream);
+  const auto seen = [&](int x_px, int y_px) {
+    const Eigen::Vector2d pixel = *infrared.project(color.unproject(Eigen::Vector2d(x_px, y_px))->homogeneous());
+    return Eigen::Vector2i(std::clamp(static_cast<int>(pixel.x()), 0, whole.width_px),
+                           std::clamp(static_cast<int>(pixel.y()), 0, whole.height_px));
+  };
+  const ImageRegion& region = *camera.region;
+  const Eigen::Vector2i from = seen(region.x_px, region.y_px);
+  const Eigen::Vector2i to = seen(region.x_px + region.width_px, region.y_px + region.height_px);
+  if (to.x() <= from.x() || to.y() <= from.y()) return whole;
+  return {from.x(), from.y(), to.x() - from.x(), to.y() - from.y()};
+}
 
 coverage::Coverage emptyCoverage(const CellConfig& cell, const CameraConfig& camera, Stream stream) {
   CoverageConfig config = cell.coverage;
-  if (stream == Stream::kColor) return {config, camera.width_px, camera.height_px};
-  config.cells_x = config.infrared_cells_x;
-  config.cells_y = config.infrared_cells_y;
-  return {config, camera.infrared->width_px, camera.infrared->height_px};
+  if (stream == Stream::kInfrared) {
+    config.cells_x = config.infrared_cells_x;
+    config.cells_y = config.infrared_cells_y;
+  }
+  return {config, regionOf(camera, stream)};
 }
 
 }  // namespace
 
-Eye::Eye(const CellConfig& cell, const CameraConfig& camera, sensor::RgbdCamera& device, Stream stream)
+Eye::Eye(const CellConfig& cell, const CameraConfig& camera, sensor::GatedCamera& device, Stream stream)
     : coverage(emptyCoverage(cell, camera, stream)), camera_(camera), board_(cell.board), device_(device),
       stream_(stream), observer_(cell.board, device, stream, nominalModel(camera, stream)) {}
 
@@ -41,7 +66,7 @@ void Eye::believe(HandEyeSolution solution) {
 std::optional<Pose<Color, Board>> Eye::predict(const Pose<Base, EndEffector>& bMe,
                                                const std::optional<Pose<EndEffector, Board>>& eMo) const {
   if (!bMc_ || !eMo) return std::nullopt;
-  return bMc_->inverse() * bMe * *eMo;
+  return bMc_->inverse() * forMount(camera_.mount, bMe) * *eMo;
 }
 
 bool Eye::mightSee(const Pose<Base, EndEffector>& bMe,
@@ -63,6 +88,38 @@ bool Eye::isShown(const Pose<Color, Board>& cMo, double margin_px, double least_
     const auto pixel = model().project(cMo * point);
     return pixel && model().contains(*pixel, margin_px);
   });
+}
+
+void Eye::noteMotion(const calib::TimedBoard& sight) {
+  if (!time_offset_) in_motion_.push_back(sight);
+}
+
+void Eye::compareClocks(const std::vector<RobotState>& path, const Pose<EndEffector, Board>& eMo) {
+  if (time_offset_ || in_motion_.size() < kSightsToCompare) return;
+  calib::TimeOffsetOptions options;
+  options.search_s = kClockSearchS;
+  const calib::TimeOffset offset = calib::estimateTimeOffset(in_motion_, path, eMo, options);
+  if (offset.status == calib::TimeOffsetStatus::kSolved) {
+    time_offset_ = offset;
+    device_.setOffset(stream_, offset.offset_s);
+    if (hasDepth()) device_.setOffset(Stream::kDepth, offset.offset_s);
+    in_motion_.clear();
+  } else if (in_motion_.size() > 4 * kSightsToCompare) {
+    in_motion_.clear();  // Others may tell.
+  }
+}
+
+std::optional<std::string> Eye::tooLate() const {
+  if (!time_offset_) return std::nullopt;
+  const double age_s = camera_.latency_s + time_offset_->offset_s, oldest_s = age_s + 1.0 / rateHz();
+  const double limit_s = toSeconds(servo::DriveOptions{}.lost_stop);
+  if (oldest_s < limit_s) return std::nullopt;
+  char text[240];
+  std::snprintf(text, sizeof text,
+                "its images are %.0f ms old when they come, where the data sheet says %.0f (latency_s in the cell "
+                "file): too late for a servo, which needs them within %.0f ms",
+                1e3 * age_s, 1e3 * camera_.latency_s, 1e3 * (limit_s - 1.0 / rateHz()));
+  return text;
 }
 
 void Eye::count(const StreamObservation& view) {

@@ -7,9 +7,11 @@
 #include <vector>
 
 #include "board_observer.h"
+#include "servocal/calib/time_offset.h"
 #include "servocal/core/cell_config.h"
 #include "servocal/core/result.h"
 #include "servocal/coverage/coverage.h"
+#include "servocal/sensor/frame_gate.h"
 
 namespace servocal::procedure {
 
@@ -20,16 +22,17 @@ struct Sighting {
 };
 
 /// The color or the infrared stream of a camera. Poses of its board and of itself are written as those of a
-/// color camera: for the control law and the solvers there is no difference.
+/// color camera that stands in the cell: for the control law and the solvers there is no difference. For cameras on
+/// the flange bMc stands for eMc and eMo for bMo (core/mount.h).
 class Eye {
  public:
-  Eye(const CellConfig& cell, const CameraConfig& camera, sensor::RgbdCamera& device, Stream stream);
+  Eye(const CellConfig& cell, const CameraConfig& camera, sensor::GatedCamera& device, Stream stream);
 
   const std::string& camera() const { return camera_.name; }
   Stream stream() const { return stream_; }
   std::string name() const { return camera_.name + " " + toString(stream_); }
   const CameraConfig& config() const { return camera_; }
-  sensor::RgbdCamera& device() { return device_; }
+  sensor::GatedCamera& device() { return device_; }
   double rateHz() const;
   /// True if the camera's other stream stops while this one is read.
   bool excludesOthers() const { return camera_.infrared && camera_.infrared->excludes_color; }
@@ -55,6 +58,14 @@ class Eye {
   /// True if the whole board should be in this eye's image with room around it, turned towards it.
   bool shouldSee(const Pose<Base, EndEffector>& bMe, const std::optional<Pose<EndEffector, Board>>& eMo) const;
 
+  /// A sight of the board while the arm moved.
+  void noteMotion(const calib::TimedBoard& sight);
+  /// From those sights and the arm's path, how late the stamps are; from the first answer on it is taken off.
+  void compareClocks(const std::vector<RobotState>& path, const Pose<EndEffector, Board>& eMo);
+  const std::optional<calib::TimeOffset>& timeOffset() const { return time_offset_; }
+  /// Why no servo may go by this eye's images: they are too old when they come. Nothing if they are not.
+  std::optional<std::string> tooLate() const;
+
   /// Counts a settled view.
   void count(const StreamObservation& view);
   /// Keeps the sighting nearest to the image centre.
@@ -75,11 +86,13 @@ class Eye {
 
   CameraConfig camera_;
   BoardSpec board_;
-  sensor::RgbdCamera& device_;
+  sensor::GatedCamera& device_;
   Stream stream_;
   BoardObserver observer_;
   std::optional<Pose<Base, Color>> bMc_;
   std::optional<HandEyeSolution> hand_eye_;
+  std::vector<calib::TimedBoard> in_motion_;  ///< Until the stamps are compared.
+  std::optional<calib::TimeOffset> time_offset_;
   int depths_ = 0, depth_failures_ = 0;
   std::string depth_reason_;  ///< Of the last failure.
 };

@@ -17,8 +17,11 @@ namespace {
 constexpr double kStillM = 0.0005;  // the arm may drift this much while a stop's frames are taken
 constexpr double kStillRad = 0.001;
 constexpr double kCameraRadiusM = 0.2;  // kept clear around a camera
+constexpr double kBoardRadiusM = 0.13;  // and around a board that stands in the cell
 constexpr int kMinViewsForIntrinsics = 5;
 constexpr double kDriveMarginOfHeight = 0.0075;  // between the squares and the image border on the way: 8 px of 1080
+constexpr double kMovingMps = 0.01;
+constexpr std::ptrdiff_t kPathStates = 20000;
 constexpr Duration kLookOnPeriod = std::chrono::milliseconds(330);
 
 /// Lets the eyes that are not asked look too, while the arm moves.
@@ -27,6 +30,7 @@ class LookingOn final : public servo::Observer {
   LookingOn(Run& run, Eye& eye) : run_(run), eye_(eye) {}
   servo::Look look(Instant deadline) override {
     servo::Look look = eye_.observer().look(deadline);
+    run_.noteMotion(eye_, look);
     run_.lookOn();
     return look;
   }
@@ -48,9 +52,18 @@ Run::Run(const CellConfig& cell, const Devices& devices, session::Session& sessi
     : cell_(cell), devices_(devices), session_(session), on_event_(on_event), options_(options) {
   for (std::size_t i = 0; i < cell.cameras.size(); ++i) {
     const CameraConfig& camera = cell.cameras[i];
+    if (camera.mount != mount()) {
+      throw Error(ErrorKind::kInvalidConfig, "cameras '" + cell.cameras.front().name + "' and '" + camera.name +
+                                                 "' are one in the cell and one on the flange; the board can only be "
+                                                 "on the other: calibrate them in two runs (--camera does not help)");
+    }
     if (!isWanted(options, camera.name)) continue;
-    eyes_.emplace_back(cell, camera, *devices.cameras[i], Stream::kColor);
-    if (camera.infrared) eyes_.emplace_back(cell, camera, *devices.cameras[i], Stream::kInfrared);
+    sensor::StampClockOptions stamps;
+    stamps.nominal_latency = fromSeconds(camera.latency_s);
+    sensor::GatedCamera& device =
+        cameras_.emplace_back(*devices.cameras[i], devices.clock, sensor::FrameGateOptions{}, stamps);
+    eyes_.emplace_back(cell, camera, device, Stream::kColor);
+    if (camera.infrared) eyes_.emplace_back(cell, camera, device, Stream::kInfrared);
   }
   for (Eye& eye : eyes_) {
     if (const auto given = options.given_intrinsics.find({eye.camera(), eye.stream()});
@@ -124,8 +137,14 @@ Run::Visit Run::visit(const std::string& stage, Eye& eye, const Pose<Color, Boar
   options.image_margin_px = kDriveMarginOfHeight * eye.model().height_px;
   servo::CellEstimate estimate;
   estimate.camera = eye.model();
-  estimate.eMo = eMo(eye);
-  estimate.bMc = *eye.bMc();
+  estimate.mount = mount();
+  if (mount() == Mount::kFixed) {
+    estimate.eMo = eMo(eye);
+    estimate.bMc = *eye.bMc();
+  } else {
+    estimate.eMc = relabel<EndEffector, Color>(*eye.bMc());
+    estimate.bMo = relabel<Base, Board>(eMo(eye));
+  }
   Attempt attempt;
   attempt.stage = stage;
   attempt.camera = eye.camera();
@@ -134,6 +153,7 @@ Run::Visit Run::visit(const std::string& stage, Eye& eye, const Pose<Color, Boar
   LookingOn observer(*this, eye);
   Visit visit;
   visit.drive = servo::drive(guard(), clock(), observer, cell_.board.corners(), cdMo, estimate, options);
+  eye.compareClocks(path_, eMo(eye));
   const bool arrived = visit.drive.status == DriveStatus::kReached || visit.drive.status == DriveStatus::kPlateau;
   if (arrived) visit.observation = observe(stage, eye);
   attempt.end = clock().now();
@@ -161,6 +181,14 @@ std::optional<std::string> Run::travelTo(const Pose<Base, EndEffector>& bMe) {
   throwIfStopped();
   if (outcome.status != DriveStatus::kReached) return outcome.reason;
   return std::nullopt;
+}
+
+void Run::noteMotion(Eye& eye, const servo::Look& look) {
+  RobotState state = guard().state();
+  state.bMe = forMount(mount(), state.bMe);
+  if (path_.empty() || state.stamp > path_.back().stamp) path_.push_back(state);
+  if (static_cast<std::ptrdiff_t>(path_.size()) > kPathStates) path_.erase(path_.begin(), path_.begin() + kPathStates / 2);
+  if (look.sight && state.twist.linear_mps.norm() > kMovingMps) eye.noteMotion({look.sight->stamp, look.sight->cMo});
 }
 
 void Run::lookOn() {
@@ -206,6 +234,7 @@ std::optional<std::string> Run::updateBelief(Eye& eye) {
     if (intrinsics.result) eye.observer().setModel(intrinsics.result->camera);
   }
   calib::ReprojectionOptions options;
+  options.mount = mount();
   options.robot_sigma_m = cell_.arm.accuracy_m;
   options.robot_sigma_rad = cell_.arm.accuracy_rad;
   options.start = eye.handEye();
@@ -223,12 +252,17 @@ std::optional<std::string> Run::updateBelief(Eye& eye) {
     eMo_sigma_m_ = sigma_m;
   }
   eye.believe(*std::move(outcome.solution));
-  guard().setBoard(eMo_);
-  keepClearOfCameras();
+  keepClearOfWhatIsKnown();
   return std::nullopt;
 }
 
-void Run::keepClearOfCameras() {
+void Run::keepClearOfWhatIsKnown() {
+  if (mount() == Mount::kFlange) {
+    // The guard goes on keeping a ball around the flange clear, where the cameras are.
+    guard().setObstacles({{"board", eMo_->translation(), kBoardRadiusM}});
+    return;
+  }
+  guard().setBoard(eMo_);
   std::vector<robot::Sphere> cameras;
   for (const Eye& eye : eyes_) {
     if (eye.stream() == Stream::kColor && eye.handEye()) cameras.push_back({eye.camera(), eye.bMc()->translation(), kCameraRadiusM});
@@ -244,7 +278,7 @@ void Run::believeFromMount(Eye& eye) {
       const auto poses = calib::boardPoses(cell_.board, eye.model(), view.detection);
       if (poses.empty()) continue;
       const auto bMcBy = [&](const calib::BoardPose& pose) {
-        return observation->robot->bMe * *eMo_ * pose.cMo.inverse();
+        return forMount(mount(), observation->robot->bMe) * *eMo_ * pose.cMo.inverse();
       };
       Pose<Base, Color> bMc = bMcBy(poses.front());
       // Of the two poses that a plane has, the one that turns the camera's streams least against each other.

@@ -9,6 +9,7 @@
 
 #include "eye.h"
 #include "servocal/calib/reprojection.h"
+#include "servocal/core/mount.h"
 #include "servocal/procedure/calibrate.h"
 #include "servocal/servo/drive.h"
 
@@ -40,6 +41,8 @@ class Run {
   /// Brings the flange to a pose on a way round what is there, in whichever posture of the arm; a sentence if
   /// there is no way or it did not get there.
   std::optional<std::string> travelTo(const Pose<Base, EndEffector>& bMe);
+  /// Keeps the arm's path and where the eye saw the board on it, to compare their clocks.
+  void noteMotion(Eye& eye, const servo::Look& look);
   /// Lets the eyes that do not know where they stand look, at most three times a second, and note where they
   /// saw the board.
   void lookOn();
@@ -49,6 +52,7 @@ class Run {
   void setEta(std::optional<double> eta_s) { eta_s_ = eta_s; }
 
   const CellConfig& cell() const { return cell_; }
+  Mount mount() const { return cell_.cameras.front().mount; }  ///< Of all cameras.
   const CalibrateOptions& options() const { return options_; }
   robot::Guard& guard() { return devices_.guard; }
   Clock& clock() { return devices_.clock; }
@@ -64,7 +68,7 @@ class Run {
   Pose<EndEffector, Board> eMo(const Eye& eye) const;
   /// Where the flange must be for the board to be seen like this.
   Pose<Base, EndEffector> flangeFor(const Eye& eye, const Pose<Color, Board>& cMo) const {
-    return *eye.bMc() * cMo * eMo(eye).inverse();
+    return forMount(mount(), *eye.bMc() * cMo * eMo(eye).inverse());
   }
 
   /// Re-estimates an eye's intrinsics (with the data sheet as a prior) and where it stands from everything
@@ -76,20 +80,31 @@ class Run {
   void throwIfStopped() const;
   std::vector<Eye*> lookersBeside(Eye& wanted, bool excluded_streams);
   void believeFromMount(Eye& eye);
-  void keepClearOfCameras();
+  void keepClearOfWhatIsKnown();
 
   const CellConfig& cell_;
   Devices devices_;
   session::Session& session_;
   const EventSink& on_event_;
   const CalibrateOptions& options_;
+  std::deque<sensor::GatedCamera> cameras_;  // What the eyes look through.
   std::deque<Eye> eyes_;
+  std::vector<RobotState> path_;  // Of the last drives, forMount().
   std::vector<Observation> observations_;
   std::optional<Pose<EndEffector, Board>> eMo_;
   double eMo_sigma_m_ = 0.0;
   Instant last_look_on_{};
   std::optional<double> eta_s_;
 };
+
+/// The eye that the arm found, and stands before; or why there is none.
+struct Found {
+  Eye* eye = nullptr;
+  std::string problem;
+};
+/// Turns the raised arm as the cell file says (arm: search), while all eyes look on, then goes back to where the
+/// first one of them saw the board nearest to its image centre.
+Found search(Run& run);
 
 /// Probing motions from the present pose until it is known where the eye stands and the board sits; a sentence
 /// if that cannot be.

@@ -11,6 +11,7 @@
 #include "servocal/calib/camera_pair.h"
 #include "servocal/calib/depth_distortion.h"
 #include "servocal/calib/eye_to_hand.h"
+#include "servocal/core/mount.h"
 #include "stream_solver.h"
 
 namespace servocal::procedure {
@@ -51,11 +52,13 @@ void solveInfrared(const BoardSpec& board, const std::vector<Observation>& obser
 std::map<std::int64_t, Pose<Infrared, Board>> boardPosesByRobot(const std::vector<Observation>& observations,
                                                                 const std::optional<HandEyeSolution>& hand_eye) {
   std::map<std::int64_t, Pose<Infrared, Board>> poses;
-  if (!hand_eye || hand_eye->mount != Mount::kFixed) return poses;
+  if (!hand_eye) return poses;
   const Pose<Base, Infrared> bMi(hand_eye->camera_pose);
   const Pose<EndEffector, Board> eMo(hand_eye->board_pose);
   for (const Observation& observation : observations) {
-    if (observation.robot) poses.emplace(observation.id, bMi.inverse() * observation.robot->bMe * eMo);
+    if (observation.robot) {
+      poses.emplace(observation.id, bMi.inverse() * forMount(hand_eye->mount, observation.robot->bMe) * eMo);
+    }
   }
   return poses;
 }
@@ -89,7 +92,7 @@ void addAffineBaseline(const BoardSpec& board, const std::vector<Observation>& o
 
 /// Errors in views that no solver saw: what the robot and the result predict against what is seen.
 std::optional<HeldOut> holdOut(const BoardSpec& board, const std::vector<Observation>& kept, const CameraResult& camera) {
-  if (!camera.hand_eye || camera.hand_eye->mount != Mount::kFixed) return std::nullopt;
+  if (!camera.hand_eye) return std::nullopt;
   const Pose<Base, Color> bMc(camera.hand_eye->camera_pose);
   const Pose<EndEffector, Board> eMo(camera.hand_eye->board_pose);
   HeldOut held_out;
@@ -98,7 +101,8 @@ std::optional<HeldOut> holdOut(const BoardSpec& board, const std::vector<Observa
   for (const Observation& observation : kept) {
     for (const StreamObservation& view : observation.views) {
       if (view.camera != camera.camera || view.stream != Stream::kColor || !observation.robot) continue;
-      const Pose<Color, Board> predicted = bMc.inverse() * observation.robot->bMe * eMo;
+      const Pose<Color, Board> predicted =
+          bMc.inverse() * forMount(camera.hand_eye->mount, observation.robot->bMe) * eMo;
       const auto seen = calib::refineBoardPose(board, camera.intrinsics.camera, view.detection, predicted);
       if (!seen) continue;
       ++held_out.views;

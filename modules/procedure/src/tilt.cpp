@@ -61,6 +61,7 @@ void findTiltLimits(Run& run, Eye& color) {
   const Pose<Base, EndEffector> bMe_facing = run.guard().state().bMe;
 
   for (const Direction& direction : directions) {
+    if (color.tooLate()) break;
     Limit color_limit, infrared_limit;
     std::string ended_by = "cap";
     // Strides until the board is lost, then single steps from the last place where it was seen.

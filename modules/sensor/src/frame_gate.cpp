@@ -84,17 +84,33 @@ FrameFate FrameGate::judge(const Frame& frame, Instant now) {
   return FrameFate::kAccepted;
 }
 
+GatedCamera::Watch& GatedCamera::watch(Stream stream) {
+  const auto found = watches_.find(stream);
+  if (found != watches_.end()) return found->second;
+  Watch fresh{FrameGate(options_), std::nullopt};
+  if (stamps_) fresh.clock.emplace(*stamps_);
+  return watches_.emplace(stream, std::move(fresh)).first->second;
+}
+
 std::optional<Frame> GatedCamera::next(Stream stream, Instant deadline) {
-  FrameGate& gate = gates_.try_emplace(stream, options_).first->second;
+  Watch& by = watch(stream);
   while (std::optional<Frame> frame = camera_.next(stream, deadline)) {
-    if (gate.judge(*frame, clock_.now()) == FrameFate::kAccepted) return frame;
+    if (by.clock) frame->stamp = by.clock->read(frame->device_stamp_s, frame->received).stamp;
+    frame->stamp -= fromSeconds(by.offset_s);
+    if (by.gate.judge(*frame, clock_.now()) == FrameFate::kAccepted) return frame;
   }
   return std::nullopt;
 }
 
+void GatedCamera::setOffset(Stream stream, double offset_s) {
+  Watch& by = watch(stream);
+  by.offset_s = offset_s;
+  by.gate.restamped();
+}
+
 FrameCounts GatedCamera::counts(Stream stream) const {
-  const auto found = gates_.find(stream);
-  return found == gates_.end() ? FrameCounts{} : found->second.counts();
+  const auto found = watches_.find(stream);
+  return found == watches_.end() ? FrameCounts{} : found->second.gate.counts();
 }
 
 std::optional<std::vector<Frame>> pairFrames(const std::vector<std::vector<Frame>>& streams,

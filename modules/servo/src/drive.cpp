@@ -47,7 +47,9 @@ void requireUsable(const std::vector<Eigen::Vector3d>& points_o, const Pose<Colo
   if (!(singular[1] > 1e-3 * singular[0]))
     throw std::invalid_argument("drive: the target points lie on a line");
   if (!cdMo.isFinite()) throw std::invalid_argument("drive: the goal is not a number");
-  if (!cell.eMo.isFinite() || (cell.bMc && !cell.bMc->isFinite()))
+  const bool fixed = cell.mount == Mount::kFixed;
+  if (fixed ? !cell.eMo.isFinite() || (cell.bMc && !cell.bMc->isFinite())
+            : !cell.eMc.isFinite() || (cell.bMo && !cell.bMo->isFinite()))
     throw std::invalid_argument("drive: the mount or the camera pose is not a number");
   if (cell.camera.parameters.size() != parameterCount(cell.camera.lens) ||
       !cell.camera.parameters.allFinite())
@@ -67,7 +69,7 @@ class Run {
   Run(robot::Guard& guard, Clock& clock, Observer& observer, const std::vector<Eigen::Vector3d>& points_o,
       const Pose<Color, Board>& cdMo, const CellEstimate& cell, const DriveOptions& options)
       : guard_(guard), clock_(clock), observer_(observer), points_o_(points_o), cdMo_(cdMo), cell_(cell),
-        options_(options), tracker_(points_o, cell.camera, cell.eMo), start_(clock.now()) {}
+        options_(options), tracker_(points_o, cell), start_(clock.now()) {}
 
   DriveOutcome drive() {
     const StopOnExit stop(guard_);
@@ -103,8 +105,8 @@ class Run {
       if (!pixel || !cell_.camera.contains(*pixel, options_.image_margin_px)) return outside();
     }
     if (guard_.operatorStopped()) return end(DriveStatus::kStopped, "The operator asked to stop.");
-    if (!cell_.bMc) return std::nullopt;
-    flange_goal_ = *cell_.bMc * cdMo_ * cell_.eMo.inverse();
+    flange_goal_ = cell_.flangeFor(cdMo_);
+    if (!flange_goal_) return std::nullopt;
     if (const auto objection = rehearse(guard_, guard_.state(), *flange_goal_))
       return end(objection->goal ? DriveStatus::kUnreachable : DriveStatus::kLimit, objection->reason);
     return std::nullopt;
@@ -198,8 +200,8 @@ class Run {
 
   Twist<EndEffector> wantedTwist(Instant now, const RobotState& state) {
     const View view = tracker_.at(state.bMe);
-    const std::optional<PixelMotion> motion = pixelMotion(cell_.camera, view, points_o_, cell_.eMo);
-    const std::optional<PixelMotion> outline = pixelMotion(cell_.camera, view, visible_o(), cell_.eMo);
+    const std::optional<PixelMotion> motion = pixelMotion(cell_.camera, view, points_o_);
+    const std::optional<PixelMotion> outline = pixelMotion(cell_.camera, view, visible_o());
     if (!motion || !outline) return {};
 
     Twist<EndEffector> wanted;
@@ -230,7 +232,7 @@ class Run {
   }
 
   Twist<EndEffector> servoTwist(const View& view, const PixelMotion& motion) {
-    const Twist<EndEffector> whole = pointServo(view.points, goal_.points, view.cMe);
+    const Twist<EndEffector> whole = pointServo(view.points, goal_.points, view.cMe, cell_.mount);
     // What that motion would improve, in pixels: the part of the error that the law can see.
     Eigen::Matrix<double, 6, 1> stacked;
     stacked << whole.linear_mps, whole.angular_radps;
@@ -359,6 +361,15 @@ class Run {
 };
 
 }  // namespace
+
+std::optional<Pose<Base, EndEffector>> CellEstimate::flangeFor(const Pose<Color, Board>& cMo) const {
+  if (mount == Mount::kFixed) {
+    if (!bMc) return std::nullopt;
+    return *bMc * cMo * eMo.inverse();
+  }
+  if (!bMo) return std::nullopt;
+  return *bMo * cMo.inverse() * eMc.inverse();
+}
 
 DriveOutcome drive(robot::Guard& guard, Clock& clock, Observer& observer,
                    const std::vector<Eigen::Vector3d>& points_o, const Pose<Color, Board>& cdMo,

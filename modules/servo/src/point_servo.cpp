@@ -12,14 +12,14 @@ namespace servocal::servo {
 
 Twist<EndEffector> pointServo(const std::vector<ImagePoint>& current,
                               const std::vector<ImagePoint>& desired,
-                              const Pose<Color, EndEffector>& cMe) {
+                              const Pose<Color, EndEffector>& cMe, Mount mount) {
   if (current.size() < 4 || current.size() != desired.size())
     throw std::invalid_argument("the control law needs at least four points, each with its goal");
 
   // The task keeps pointers to the features: they must not move, and outlive it.
   std::vector<vpFeaturePoint> s(current.size()), s_star(desired.size());
   vpServo task;
-  task.setServo(vpServo::EYETOHAND_L_cVe_eJe);
+  task.setServo(mount == Mount::kFixed ? vpServo::EYETOHAND_L_cVe_eJe : vpServo::EYEINHAND_L_cVe_eJe);
   task.setInteractionMatrixType(vpServo::MEAN, vpServo::PSEUDO_INVERSE);
   task.setLambda(1.0);
   for (std::size_t i = 0; i < current.size(); ++i) {

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "servocal/core/cell_config.h"
 #include "servocal/core/pose.h"
 
 namespace servocal::servo {
@@ -15,16 +16,16 @@ struct ImagePoint {
 };
 
 /// The motion of the end effector that takes the current points to the desired ones, for a gain of one
-/// per second: (L cVe)^+ (s - s*), linear part first; a distance (m, rad) as much as a speed.
+/// per second: +-(L cVe)^+ (s - s*), + if it carries them, - if it carries the camera; linear part first; a distance (m, rad) as much as a speed.
 ///
 /// L is the mean of the current and the desired interaction matrix: the current one alone stalls where
 /// the tilt of a plane changes sign. A function without memory: each call hands ViSP a complete, fresh
 /// set of matrices, because vpServo goes on with old ones in silence.
 ///
-/// @param cMe where the end effector is in the camera now (cMo oMe).
+/// @param cMe where the end effector is in the camera now (cMo oMe; or eMc^-1).
 /// @throws std::invalid_argument unless there are at least four points, as many current as desired.
 Twist<EndEffector> pointServo(const std::vector<ImagePoint>& current,
                               const std::vector<ImagePoint>& desired,
-                              const Pose<Color, EndEffector>& cMe);
+                              const Pose<Color, EndEffector>& cMe, Mount mount);
 
 }  // namespace servocal::servo

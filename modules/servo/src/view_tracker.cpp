@@ -17,9 +17,8 @@ std::vector<ImagePoint> imagePoints(const Pose<Color, Board>& cMo,
   return result;
 }
 
-ViewTracker::ViewTracker(const std::vector<Eigen::Vector3d>& points_o, const CameraModel& camera,
-                         const Pose<EndEffector, Board>& eMo)
-    : points_o_(points_o), camera_(camera), eMo_(eMo) {}
+ViewTracker::ViewTracker(const std::vector<Eigen::Vector3d>& points_o, const CellEstimate& cell)
+    : points_o_(points_o), cell_(cell) {}
 
 bool ViewTracker::update(const Sight& sight, const Pose<Base, EndEffector>& bMe_seen) {
   if (sight.pixels.size() != points_o_.size() || !sight.cMo.isFinite() || !bMe_seen.isFinite()) return false;
@@ -27,7 +26,7 @@ bool ViewTracker::update(const Sight& sight, const Pose<Base, EndEffector>& bMe_
   std::vector<Eigen::Vector2d> difference;
   for (std::size_t i = 0; i < points_o_.size(); ++i) {
     if (!sight.pixels[i].allFinite() || (sight.cMo * points_o_[i]).z() < 1e-3) return false;
-    const std::optional<Eigen::Vector2d> measured = camera_.unproject(sight.pixels[i]);
+    const std::optional<Eigen::Vector2d> measured = cell_.camera.unproject(sight.pixels[i]);
     if (!measured) return false;
     difference.push_back(*measured - model[i].s);
   }
@@ -39,8 +38,14 @@ bool ViewTracker::update(const Sight& sight, const Pose<Base, EndEffector>& bMe_
 
 View ViewTracker::at(const Pose<Base, EndEffector>& bMe) const {
   View view;
-  view.cMe = cMo_seen_ * eMo_.inverse() * bMe_seen_.inverse() * bMe;
-  view.cMo = view.cMe * eMo_;
+  if (cell_.mount == Mount::kFixed) {
+    view.cMe = cMo_seen_ * cell_.eMo.inverse() * bMe_seen_.inverse() * bMe;
+    view.cMo = view.cMe * cell_.eMo;
+  } else {
+    view.cMe = cell_.eMc.inverse();
+    view.cMo = view.cMe * bMe.inverse() * bMe_seen_ * cell_.eMc * cMo_seen_;
+    view.sign = -1.0;
+  }
   view.points = imagePoints(view.cMo, points_o_);
   for (std::size_t i = 0; i < view.points.size(); ++i) view.points[i].s += measured_minus_model_[i];
   return view;

@@ -15,17 +15,19 @@ namespace servocal::servo {
 struct View {
   Pose<Color, Board> cMo;
   Pose<Color, EndEffector> cMe;
+  double sign = 1.0;  ///< Of what the flange's motion does to the target in the image: -1 if it carries the camera.
   std::vector<ImagePoint> points;
 };
 
 /// Carries the last sight of the target forward by what the arm has moved since:
-///   cMo(now) = cMo(stamp) oMe bMe(stamp)^-1 bMe(now) eMo.
+///   cMo(now) = cMo(stamp) oMe bMe(stamp)^-1 bMe(now) eMo,
+/// or, with the camera on the flange,
+///   cMo(now) = cMe bMe(now)^-1 bMe(stamp) eMc cMo(stamp).
 /// A frame is 60 to 100 ms old when it is used; without this the loop would have to be slow to be
 /// stable. It needs only the mount, and a wrong mount costs only its share of that short motion.
 class ViewTracker {
  public:
-  ViewTracker(const std::vector<Eigen::Vector3d>& points_o, const CameraModel& camera,
-              const Pose<EndEffector, Board>& eMo);
+  ViewTracker(const std::vector<Eigen::Vector3d>& points_o, const CellEstimate& cell);
 
   /// Takes a new sight and the flange pose at its stamp. False, and nothing changes, if the sight cannot
   /// be right: not finite, wrong number of points, a pixel no point projects to, a point behind.
@@ -36,8 +38,7 @@ class ViewTracker {
 
  private:
   std::vector<Eigen::Vector3d> points_o_;
-  CameraModel camera_;
-  Pose<EndEffector, Board> eMo_;
+  CellEstimate cell_;
   Pose<Color, Board> cMo_seen_;
   Pose<Base, EndEffector> bMe_seen_;
   std::vector<Eigen::Vector2d> measured_minus_model_;

@@ -12,11 +12,11 @@ constexpr int kSweeps = 200;
 }  // namespace
 
 std::optional<PixelMotion> pixelMotion(const CameraModel& camera, const View& view,
-                                       const std::vector<Eigen::Vector3d>& points_o,
-                                       const Pose<EndEffector, Board>& eMo) {
+                                       const std::vector<Eigen::Vector3d>& points_o) {
   PixelMotion motion;
   motion.rates.resize(2 * static_cast<Eigen::Index>(points_o.size()), 6);
-  const Eigen::Matrix3d cRe = view.cMe.rotation();
+  const Eigen::Matrix3d cRe = view.sign * view.cMe.rotation();
+  const Pose<EndEffector, Board> eMo = view.cMe.inverse() * view.cMo;
   for (std::size_t i = 0; i < points_o.size(); ++i) {
     const ImagePoint& point = view.points[i];
     ProjectionJacobian jacobian;
@@ -24,7 +24,7 @@ std::optional<PixelMotion> pixelMotion(const CameraModel& camera, const View& vi
         camera.project(point.depth_m * Eigen::Vector3d(point.s.x(), point.s.y(), 1.0), jacobian);
     if (!pixel) return std::nullopt;
     motion.pixels.push_back(*pixel);
-    // A point of the target moves with v + w x r, r from the flange.
+    // A point of the target moves with v + w x r, r from the flange; or the camera does.
     const Eigen::Vector3d r = eMo * points_o[i];
     Eigen::Matrix3d minus_cross;
     minus_cross << 0, r.z(), -r.y(), -r.z(), 0, r.x(), r.y(), -r.x(), 0;

@@ -18,8 +18,7 @@ struct PixelMotion {
 
 /// Nothing if a point does not project.
 std::optional<PixelMotion> pixelMotion(const CameraModel& camera, const View& view,
-                                       const std::vector<Eigen::Vector3d>& points_o,
-                                       const Pose<EndEffector, Board>& eMo);
+                                       const std::vector<Eigen::Vector3d>& points_o);
 
 /// The twist nearest to `wanted` with which no point heads for the image border faster than `rate_per_s`
 /// times its distance from the margin; a point that is beyond the margin may only come back. So points

@@ -14,7 +14,7 @@ Pose<Color, Board> boardAt(double z_m, const Eigen::Vector3d& turn_rad = Eigen::
   return Pose<Color, Board>::fromRotationVector(turn_rad, {0, 0, z_m});
 }
 
-Coverage makeCoverage(const ViewGoals& goals = {}) { return Coverage(CoverageConfig{}, kWidth, kHeight, goals); }
+Coverage makeCoverage(const ViewGoals& goals = {}) { return Coverage(CoverageConfig{}, {0, 0, kWidth, kHeight}, goals); }
 
 TEST(Coverage, EveryPixelOfTheImageBelongsToOneCellAndNoneOutside) {
   const Coverage coverage = makeCoverage();
@@ -53,6 +53,34 @@ TEST(Coverage, GivingUpACellClosesItButDoesNotFillIt) {
   EXPECT_EQ(static_cast<int>(coverage.openCells().size()), coverage.cells() - 1);
   EXPECT_EQ(coverage.filledCells(), 0);
   EXPECT_EQ(coverage.missingCorners({{5, 5}}), 0);
+}
+
+TEST(Coverage, AGridOverARegionCountsNothingOutsideIt) {
+  Coverage coverage(CoverageConfig{}, {100, 50, 800, 500});
+  EXPECT_FALSE(coverage.cellAt({99.4, 300}));
+  EXPECT_EQ(coverage.cellAt({99.5, 49.5}), 0);
+  EXPECT_EQ(coverage.cellAt({899, 549}), coverage.cells() - 1);
+  EXPECT_FALSE(coverage.cellAt({899.6, 300}));
+  for (int cell = 0; cell < coverage.cells(); ++cell) EXPECT_EQ(coverage.cellAt(coverage.cellCenter(cell)), cell);
+  EXPECT_NEAR((coverage.cellCenter(coverage.openCells().front()) - Eigen::Vector2d(499.5, 299.5)).norm(), 50.0, 1e-9);
+}
+
+TEST(Coverage, DistancesAndTiltsOutOfReachAreDoneAndRecorded) {
+  ViewGoals goals;
+  goals.near_views = 1;
+  goals.far_views = 1;
+  goals.views_per_tilt_bin = 1;
+  Coverage coverage(CoverageConfig{}, {0, 0, kWidth, kHeight}, goals);
+  for (int cell = 0; cell < coverage.cells(); ++cell) coverage.giveUp(cell);
+  coverage.add({}, boardAt(0.4));
+  ASSERT_FALSE(coverage.complete());
+  ASSERT_EQ(coverage.missingMarginals(boardAt(0.8)), 1);
+  coverage.giveUpMarginals();
+  EXPECT_TRUE(coverage.complete());
+  EXPECT_EQ(coverage.deficit(), 0);
+  EXPECT_EQ(coverage.missingMarginals(boardAt(0.8)), 0);
+  EXPECT_EQ(coverage.summary().out_of_reach,
+            (std::vector<std::string>{"far views", "tilt pitch+", "tilt pitch-", "tilt yaw+", "tilt yaw-"}));
 }
 
 // Signs against OpenCV's and ViSP's right-handed turns: x right, y down, z forward.
@@ -94,7 +122,7 @@ TEST(Coverage, FarMeansAtLeastTwentyPercentFarther) {
 }
 
 TEST(Coverage, RefusesAnEmptyImage) {
-  EXPECT_THROW(Coverage(CoverageConfig{}, 0, 480), std::invalid_argument);
+  EXPECT_THROW(Coverage(CoverageConfig{}, {0, 0, 0, 480}), std::invalid_argument);
 }
 
 }  // namespace

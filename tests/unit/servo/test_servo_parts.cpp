@@ -30,14 +30,31 @@ TEST(PointServo, FindsTheSmallMotionBetweenTwoViews) {
     const auto step = Pose<EndEffector, EndEffector>::fromRotationVector(motion.angular_radps, motion.linear_mps);
     const Pose<Color, EndEffector> cMe = cMo * kMount.inverse();
     const auto cdMo = cMe * step * kMount;
-    const Twist<EndEffector> found = pointServo(imagePoints(cMo, kPoints), imagePoints(cdMo, kPoints), cMe);
+    const Twist<EndEffector> found = pointServo(imagePoints(cMo, kPoints), imagePoints(cdMo, kPoints), cMe, Mount::kFixed);
     EXPECT_LT((found.linear_mps - motion.linear_mps).norm(), 3e-6);
     EXPECT_LT((found.angular_radps - motion.angular_radps).norm(), 1e-5);
 
     // Negative control: with another instant's matrix the same law goes elsewhere.
     const Pose<Color, EndEffector> stale = view({0, 0, 1.5}, {0, 0, 0.6}) * kMount.inverse();
-    const Twist<EndEffector> astray = pointServo(imagePoints(cMo, kPoints), imagePoints(cdMo, kPoints), stale);
+    const Twist<EndEffector> astray = pointServo(imagePoints(cMo, kPoints), imagePoints(cdMo, kPoints), stale,
+                                               Mount::kFixed);
     EXPECT_GT((astray.linear_mps - motion.linear_mps).norm(), 1e-5);
+  }
+}
+
+// The same for a camera that rides on the flange while the target stands.
+TEST(PointServo, FindsTheSmallMotionOfACameraOnTheFlange) {
+  std::mt19937_64 random(4);
+  const Pose<EndEffector, Color> eMc = test::randomPose<EndEffector, Color>(random, 2.0, 0.08);
+  for (int i = 0; i < 20; ++i) {
+    const auto cMo = view(test::randomVector(random, 0.3), {0.05, -0.03, 0.6});
+    const Twist<EndEffector> motion{test::randomVector(random, 1e-4), test::randomVector(random, 2e-4)};
+    const auto step = Pose<EndEffector, EndEffector>::fromRotationVector(motion.angular_radps, motion.linear_mps);
+    const Pose<Color, Board> cdMo = eMc.inverse() * step.inverse() * eMc * cMo;
+    const Twist<EndEffector> found = pointServo(imagePoints(cMo, kPoints), imagePoints(cdMo, kPoints), eMc.inverse(),
+                                                Mount::kFlange);
+    EXPECT_LT((found.linear_mps - motion.linear_mps).norm(), 3e-6);
+    EXPECT_LT((found.angular_radps - motion.angular_radps).norm(), 1e-5);
   }
 }
 
@@ -45,14 +62,14 @@ TEST(PointServo, FindsTheSmallMotionBetweenTwoViews) {
 TEST(PointServo, HasNoMemory) {
   const auto cMo = view({0.1, 0, 0}, {0, 0, 0.6}), other = view({0, 0.3, 0.2}, {0.1, 0.05, 0.5}), goal = view({0, 0, 0}, {0, 0, 0.55});
   const auto ask = [&](const Pose<Color, Board>& from) {
-    return pointServo(imagePoints(from, kPoints), imagePoints(goal, kPoints), from * kMount.inverse());
+    return pointServo(imagePoints(from, kPoints), imagePoints(goal, kPoints), from * kMount.inverse(), Mount::kFixed);
   };
   const Twist<EndEffector> first = ask(cMo);
   (void)ask(other);
   const Twist<EndEffector> again = ask(cMo);
   EXPECT_EQ(first.linear_mps, again.linear_mps);
   EXPECT_EQ(first.angular_radps, again.angular_radps);
-  EXPECT_THROW(pointServo({}, {}, cMo * kMount.inverse()), std::invalid_argument);
+  EXPECT_THROW(pointServo({}, {}, cMo * kMount.inverse(), Mount::kFixed), std::invalid_argument);
 }
 
 TEST(ViewTracker, CarriesTheViewByTheArmsMotion) {
@@ -65,7 +82,10 @@ TEST(ViewTracker, CarriesTheViewByTheArmsMotion) {
   Sight sight;
   sight.cMo = cMo;
   for (const Eigen::Vector3d& point : kPoints) sight.pixels.push_back(*camera.project(cMo * point));
-  ViewTracker tracker(kPoints, camera, kMount);
+  CellEstimate cell;
+  cell.camera = camera;
+  cell.eMo = kMount;
+  ViewTracker tracker(kPoints, cell);
   ASSERT_TRUE(tracker.update(sight, before));
   const Pose<Color, Board> truth = bMc.inverse() * after * kMount;
   EXPECT_LT(distanceM(tracker.at(after).cMo, truth), 1e-12);
@@ -85,7 +105,7 @@ TEST(Visibility, PixelRatesAreTheDerivative) {
   now.cMo = cMo;
   now.cMe = cMo * kMount.inverse();
   now.points = imagePoints(cMo, kPoints);
-  const auto motion = pixelMotion(camera, now, kPoints, kMount);
+  const auto motion = pixelMotion(camera, now, kPoints);
   ASSERT_TRUE(motion);
   std::mt19937_64 random(9);
   for (int i = 0; i < 10; ++i) {
@@ -101,6 +121,40 @@ TEST(Visibility, PixelRatesAreTheDerivative) {
   }
 }
 
+// A camera on the flange: the view as the tracker carries it, and the pixels' rates, against the true chain.
+TEST(ViewTracker, CarriesTheViewOfACameraOnTheFlange) {
+  std::mt19937_64 random(6);
+  CellEstimate cell;
+  cell.camera = test::Bench::trueCamera();
+  cell.mount = Mount::kFlange;
+  cell.eMc = test::randomPose<EndEffector, Color>(random, 2.0, 0.08);
+  const auto before = test::randomPose<Base, EndEffector>(random, 3.0, 1.0);
+  const auto cMo = view({0.1, -0.2, 0.05}, {0.03, 0.02, 0.6});
+  const Pose<Base, Board> bMo = before * cell.eMc * cMo;
+  Sight sight;
+  sight.cMo = cMo;
+  for (const Eigen::Vector3d& point : kPoints) sight.pixels.push_back(*cell.camera.project(cMo * point));
+  ViewTracker tracker(kPoints, cell);
+  ASSERT_TRUE(tracker.update(sight, before));
+  const Pose<Base, EndEffector> after =
+      before * Pose<EndEffector, EndEffector>::fromRotationVector({0.02, 0.01, -0.03}, {0.01, 0.005, -0.004});
+  const View now = tracker.at(after);
+  EXPECT_LT(distanceM(now.cMo, cell.eMc.inverse() * after.inverse() * bMo), 1e-12);
+
+  const auto motion = pixelMotion(cell.camera, now, kPoints);
+  ASSERT_TRUE(motion);
+  const Eigen::Vector3d v(0.3, -0.5, 0.2), w(-0.4, 0.6, 0.5);
+  const double h = 1e-6;
+  const auto step = Pose<EndEffector, EndEffector>::fromRotationVector(h * w, h * v);
+  const Eigen::VectorXd rates = motion->rates * (Eigen::Matrix<double, 6, 1>() << v, w).finished();
+  for (std::size_t k = 0; k < kPoints.size(); ++k) {
+    const Eigen::Vector2d moved =
+        *cell.camera.project(cell.eMc.inverse() * (after * step).inverse() * bMo * kPoints[k]);
+    const Eigen::Vector2d rate = (moved - motion->pixels[k]) / h;
+    EXPECT_LT((rate - rates.segment<2>(2 * static_cast<Eigen::Index>(k))).norm(), 1e-2 * (1 + rate.norm()));
+  }
+}
+
 // Near the border: what would cross the margin slides along it, all else is left alone.
 TEST(Visibility, PointsSlideAlongTheMargin) {
   const CameraModel camera = test::Bench::trueCamera();
@@ -109,7 +163,7 @@ TEST(Visibility, PointsSlideAlongTheMargin) {
   now.cMo = cMo;
   now.cMe = cMo * kMount.inverse();
   now.points = imagePoints(cMo, kPoints);
-  const auto motion = pixelMotion(camera, now, kPoints, kMount);
+  const auto motion = pixelMotion(camera, now, kPoints);
   ASSERT_TRUE(motion);
   const double margin = 25.0, rate = 5.0;
   std::mt19937_64 random(11);

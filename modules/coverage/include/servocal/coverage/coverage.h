@@ -34,8 +34,9 @@ struct ViewGoals {
 /// two distances, tilts. Knows no robot and no image.
 class Coverage {
  public:
-  /// @throws std::invalid_argument if the image or the grid is empty.
-  Coverage(const CoverageConfig& config, int width_px, int height_px, const ViewGoals& goals = {});
+  /// @param region of the image over which the grid lies: all of it, or the part that matters.
+  /// @throws std::invalid_argument if the region or the grid is empty.
+  Coverage(const CoverageConfig& config, const ImageRegion& region, const ViewGoals& goals = {});
 
   /// Counts a view: its corners' pixels and the board's pose.
   void add(const std::vector<Eigen::Vector2d>& pixels, const Pose<Color, Board>& cMo);
@@ -45,13 +46,13 @@ class Coverage {
   void giveUpMarginals();
 
   int cells() const { return config_.cells_x * config_.cells_y; }
-  /// Cell (row by row from the upper left) that holds the pixel; nothing outside the image.
+  /// Cell (row by row from the upper left) that holds the pixel; nothing outside the region.
   std::optional<int> cellAt(const Eigen::Vector2d& pixel) const;
   Eigen::Vector2d cellCenter(int cell) const;
   bool filled(int cell) const { return corners_[cell] >= config_.corners_per_cell; }
   bool givenUp(int cell) const { return given_up_[cell]; }
   int filledCells() const;
-  /// Cells neither filled nor given up, from the image centre outward.
+  /// Cells neither filled nor given up, from the region's centre outward.
   std::vector<int> openCells() const;
   /// Far: at least distance_ratio times the wanted near distance.
   bool isFar(const Pose<Color, Board>& cMo) const;
@@ -73,8 +74,7 @@ class Coverage {
 
  private:
   CoverageConfig config_;
-  int width_px_;
-  int height_px_;
+  ImageRegion region_;
   int near_goal_;
   int far_goal_;
   std::array<int, kTiltBins.size()> tilt_goals_{};

@@ -7,6 +7,7 @@
 
 #include "servocal/core/board_spec.h"
 #include "servocal/core/camera_model.h"
+#include "servocal/core/cell_config.h"
 #include "servocal/core/pose.h"
 #include "servocal/coverage/coverage.h"
 #include "servocal/robot/guard.h"
@@ -18,6 +19,7 @@ struct Belief {
   CameraModel camera;
   Pose<Base, Color> bMc;
   Pose<EndEffector, Board> eMo;
+  Mount mount = Mount::kFixed;  ///< kFlange: bMc stands for eMc, eMo for bMo (core/mount.h).
 };
 
 struct PlanOptions {

@@ -9,6 +9,7 @@
 
 #include "servocal/core/clock.h"
 #include "servocal/sensor/rgbd_camera.h"
+#include "servocal/sensor/stamp_clock.h"
 
 namespace servocal::sensor {
 
@@ -46,6 +47,8 @@ class FrameGate {
   explicit FrameGate(const FrameGateOptions& options = {}) : options_(options) {}
   FrameFate judge(const Frame& frame, Instant now);
   const FrameCounts& counts() const { return counts_; }
+  /// Stamps mean something else from now on: the next one is not compared with those before.
+  void restamped() { newest_.reset(); }
 
  private:
   FrameGateOptions options_;
@@ -54,21 +57,33 @@ class FrameGate {
   std::optional<std::uint64_t> content_;  // Of the frame before.
 };
 
-/// A camera whose bad frames are dropped and counted.
+/// A camera by the run's clock: stamps are made from the device's own, one StampClock per stream, what is known to
+/// be wrong with them is taken off, and bad frames are dropped and counted.
 class GatedCamera final : public RgbdCamera {
  public:
-  /// `camera` and `clock` must outlive it.
-  GatedCamera(RgbdCamera& camera, const Clock& clock, const FrameGateOptions& options = {})
-      : camera_(camera), clock_(clock), options_(options) {}
+  /// `camera` and `clock` must outlive it. Without `stamps` the frames keep those they come with.
+  GatedCamera(RgbdCamera& camera, const Clock& clock, const FrameGateOptions& options = {},
+              const std::optional<StampClockOptions>& stamps = std::nullopt)
+      : camera_(camera), clock_(clock), options_(options), stamps_(stamps) {}
   const CameraInfo& info() const override { return camera_.info(); }
   std::optional<Frame> next(Stream stream, Instant deadline) override;
+  /// Stamps of the stream turned out to be so much too late, in all; taken off from now on.
+  void setOffset(Stream stream, double offset_s);
   FrameCounts counts(Stream stream) const;
 
  private:
+  struct Watch {
+    FrameGate gate;
+    std::optional<StampClock> clock;
+    double offset_s = 0.0;
+  };
+  Watch& watch(Stream stream);
+
   RgbdCamera& camera_;
   const Clock& clock_;
   FrameGateOptions options_;
-  std::map<Stream, FrameGate> gates_;
+  std::optional<StampClockOptions> stamps_;
+  std::map<Stream, Watch> watches_;
 };
 
 /// Of frames of several streams, those that belong together: for the newest frame of the first list that has

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "servocal/core/camera_model.h"
+#include "servocal/core/cell_config.h"
 #include "servocal/core/clock.h"
 #include "servocal/core/observation.h"
 #include "servocal/core/pose.h"
@@ -35,12 +36,18 @@ class Observer {
   virtual Look look(Instant deadline) = 0;
 };
 
-/// What the loop knows of the cell; all of it may be rough. A camera fixed in the cell watches a target
-/// on the flange.
+/// What the loop knows of the cell; all of it may be rough. Either a camera that stands in the cell watches a
+/// target on the flange, or one on the flange watches a target that stands in the cell.
 struct CellEstimate {
   CameraModel camera;
-  Pose<EndEffector, Board> eMo;            ///< Mount; up to about 30 degrees wrong is harmless.
-  std::optional<Pose<Base, Color>> bMc;    ///< With it, drive() feeds forward to near the goal.
+  Mount mount = Mount::kFixed;             ///< Of the camera; decides what the two poses are.
+  Pose<EndEffector, Board> eMo;            ///< kFixed: mount of the target; up to about 30 degrees wrong is harmless.
+  std::optional<Pose<Base, Color>> bMc;    ///< kFixed: with it, drive() feeds forward to near the goal.
+  Pose<EndEffector, Color> eMc;            ///< kFlange: mount of the camera, as rough as eMo may be.
+  std::optional<Pose<Base, Board>> bMo;    ///< kFlange: with it, drive() feeds forward.
+
+  /// Where the flange must be for the target to be seen so; nothing without bMc or bMo.
+  std::optional<Pose<Base, EndEffector>> flangeFor(const Pose<Color, Board>& cMo) const;
 };
 
 struct DriveOptions {
@@ -74,12 +81,12 @@ struct DriveOutcome {
 
 /// Drives the target to a wanted pose in the image: an image-based visual servo.
 ///
-/// Control law (eye-to-hand, twist of e in e, eJe = I6):
-///   v_e = +lambda (L cVe)^+ (s - s*),  s the normalized undistorted target points, cVe = Ad(cMe),
+/// Control law (twist of e in e, eJe = I6; + eye-to-hand, - eye-in-hand):
+///   v_e = +-lambda (L cVe)^+ (s - s*),  s the normalized undistorted target points, cVe = Ad(cMe),
 /// with L the mean of current and desired interaction matrix, depths from the current target pose. All
 /// points count: with 24 corners the law is less than half as noisy as with four. Between and behind the
 /// frames, s and cMe are carried on by what the arm has moved since the frame's exposure.
-/// With bMc known, a straight feed-forward move brings the target near the goal first; the camera keeps
+/// With bMc (on the flange: bMo) known, a straight feed-forward move brings the target near the goal first; the camera keeps
 /// watching. Every cycle obeys the image border (points slide along the margin) and the guard.
 ///
 /// Ends when the motion has settled, never on an absolute error, and with the arm at rest, whatever the
@@ -94,7 +101,7 @@ struct DriveOutcome {
 /// - kStopped: the operator asked to stop.
 ///
 /// Source: Chaumette & Hutchinson, "Visual Servo Control, Part I", IEEE RAM 13(4), 2006, eq. (5), and
-/// Part II, 14(1), 2007 (eye-to-hand); ViSP's vpServo, EYETOHAND_L_cVe_eJe.
+/// Part II, 14(1), 2007 (eye-to-hand); ViSP's vpServo, EYETOHAND_L_cVe_eJe and EYEINHAND_L_cVe_eJe.
 ///
 /// @param points_o target points in o, m; at least four, not all on a line.
 /// @throws std::invalid_argument for a non-finite goal or cell, or too few points.

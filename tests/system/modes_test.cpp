@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The same run in other cells and with other wishes: cameras that must be found first, a region of the image, a camera
+// on the flange, another arm, clocks that are off.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "cells.h"
+#include "default_sim.h"
+#include "temporary_folder.h"
+#include "trial.h"
+
+namespace servocal {
+namespace {
+
+constexpr double kDegree = M_PI / 180.0;
+
+test::Trial run(const CellConfig& cell) {
+  const test::TemporaryFolder folder;
+  return test::runTrial(cell, 3, folder.path() / "session");
+}
+
+bool names(const CalibrationResult& result, const std::string& part) {
+  return std::any_of(result.missing.begin(), result.missing.end(),
+                     [&](const std::string& sentence) { return sentence.find(part) != std::string::npos; });
+}
+
+/// So few views that a run is short; its coverage is not complete then.
+CellConfig shortRun(CellConfig cell) {
+  cell.coverage.max_views = 8;
+  cell.coverage.revisit_views = 3;
+  cell.coverage.check_views = 0;
+  return cell;
+}
+
+void expectCalibrated(const test::Trial& trial) {
+  for (const std::string& missing : trial.result.missing) std::cout << missing << '\n';
+  ASSERT_EQ(trial.result.cameras.size(), 1u);
+  ASSERT_TRUE(trial.result.cameras[0].hand_eye);
+  ASSERT_EQ(trial.errors.size(), 1u);
+  EXPECT_LT(trial.errors[0].pose_m, 0.004);
+  EXPECT_LT(trial.errors[0].pose_rad, 0.4 * kDegree);
+}
+
+TEST(Modes, TheArmLooksForACameraThatDoesNotSeeTheBoardAtTheStart) {
+  CellConfig cell = shortRun(test::oneCameraCell());
+  const double seen_rad = cell.arm.start_q[0];
+  cell.arm.start_q[0] -= 85 * kDegree;
+  cell.limits.workspace.min_m.x() = -0.4;
+  EXPECT_TRUE(names(run(cell).result, "does not see the board at the start"));
+  cell.arm.search = SearchSweep{cell.arm.start_q, seen_rad - 50 * kDegree, seen_rad + 20 * kDegree};
+  expectCalibrated(run(cell));
+}
+
+TEST(Modes, OnlyARegionOfTheImageNeedsToBeCovered) {
+  CellConfig cell = test::oneCameraCell();
+  cell.cameras[0].region = ImageRegion{640, 300, 640, 480};
+  cell.coverage.cells_x = 4;
+  cell.coverage.cells_y = 3;
+  const test::Trial trial = run(cell);
+  expectCalibrated(trial);
+  EXPECT_TRUE(trial.result.goal_met);
+  EXPECT_LT(trial.coverage_views, 20);  // The whole image takes 25 to 30.
+}
+
+TEST(Modes, ACameraOnTheFlangeWatchesABoardInTheCell) {
+  const test::Trial trial = run(shortRun(loadCell(SERVOCAL_CELLS "/eye_in_hand.yaml")));
+  expectCalibrated(trial);
+  EXPECT_EQ(trial.result.cameras[0].hand_eye->mount, Mount::kFlange);
+  EXPECT_TRUE(trial.result.cameras[0].depth);
+}
+
+TEST(Modes, AnArmOfSevenJointsByConfigurationAlone) { expectCalibrated(run(shortRun(loadCell(SERVOCAL_CELLS "/panda.yaml")))); }
+
+CellConfig withClock(FaultKind kind) {
+  CellConfig cell = shortRun(test::oneCameraCell());
+  SimulationFault fault;
+  fault.kind = kind;
+  fault.camera = cell.cameras[0].name;
+  fault.offset_s = 0.08;
+  cell.simulation->faults.push_back(fault);
+  return cell;
+}
+
+// Stamps come from the camera's own clock, whatever that shows; what its data sheet has wrong is found by motion.
+TEST(Modes, ACameraWhoseClockIsOffIsServedAlike) {
+  const CellConfig cell = withClock(FaultKind::kClockOffset);
+  const test::Trial trial = run(cell);
+  expectCalibrated(trial);
+  ASSERT_TRUE(trial.result.cameras[0].time_offset_s);
+  const SimulatedCameraConfig& truth = cell.simulation->cameras[0];
+  const double latency_s = 0.5 * truth.exposure_s + truth.latency_s;
+  EXPECT_NEAR(*trial.result.cameras[0].time_offset_s, latency_s - cell.cameras[0].latency_s, 0.003);
+}
+
+TEST(Modes, ACameraWhoseImagesComeTooLateIsNamedAndCalibratedByWhatItSaw) {
+  const test::Trial trial = run(withClock(FaultKind::kLateDelivery));
+  expectCalibrated(trial);
+  EXPECT_TRUE(names(trial.result, "too late for a servo"));
+}
+
+}  // namespace
+}  // namespace servocal
