@@ -111,7 +111,8 @@ Trial runTrial(const CellConfig& cell, std::uint64_t seed, const std::filesystem
     if (camera.hand_eye) trial.errors.push_back(errorsOf(truth, camera, simulation.clock().now()));
   }
   const std::string& name = cell.cameras.front().name;
-  if (cell.cameras.front().mount == Mount::kFlange) return trial;
+  // The rest is about what a UR5 can reach for a camera in the cell.
+  if (cell.cameras.front().mount == Mount::kFlange || cell.arm.urdf != "ur5") return trial;
   const ReachableCells reachable = reachableCells(cell, truth, name);
   trial.cells = static_cast<int>(reachable.cells.size());
   trial.reachable_cells = reachable.count();
