@@ -49,23 +49,6 @@ Vector2d spacing(const Eigen::Matrix2d& axes) {
   return {area / axes.col(0).norm(), area / axes.col(1).norm()};
 }
 
-// Nodes on a line from (i, j) in steps of (di, dj) that continue the squares inside by a whole square;
-// (oi, oj) points outwards.
-int countLine(const Lattice& lattice, int i, int j, int di, int dj, int length, int oi, int oj) {
-  int count = 0;
-  for (int k = 0; k < length; ++k, i += di, j += dj) {
-    const auto outer = lattice.nodes.find({i, j});
-    const auto near = lattice.nodes.find({i - oi, j - oj});
-    const auto far = lattice.nodes.find({i - 2 * oi, j - 2 * oj});
-    const auto none = lattice.nodes.end();
-    if (outer == none || near == none || far == none) continue;
-    const Eigen::Vector2f last = near->second.pixel - far->second.pixel;
-    const Eigen::Vector2f next = outer->second.pixel - near->second.pixel;
-    if ((next - last).norm() < 0.3f * last.norm()) ++count;
-  }
-  return count;
-}
-
 // At the grid's four corners, where the hollow square may be: keeps its white inside out of the window.
 void avoidHollow(const Checkerboard& board, int columns, int rows, const Vector2d& at, CornerGuess& guess) {
   if (!board.hollow_corner) return;
@@ -133,51 +116,6 @@ double Grid::smallestSpacing() const {
     for (const double v : {0.0, rows - 1.0})
       smallest = std::min(smallest, spacing(warp.jacobian({u, v})).minCoeff());
   return smallest;
-}
-
-std::vector<Placement> findPlacements(const Lattice& lattice, const Checkerboard& board) {
-  if (lattice.nodes.empty()) return {};
-  int i_min = 1 << 20, i_max = -(1 << 20), j_min = i_min, j_max = i_max;
-  for (const auto& [key, node] : lattice.nodes) {
-    i_min = std::min(i_min, key.first);
-    i_max = std::max(i_max, key.first);
-    j_min = std::min(j_min, key.second);
-    j_max = std::max(j_max, key.second);
-  }
-  const auto countIn = [&](int i0, int i1, int j0, int j1) {
-    int count = 0;
-    for (int j = j0; j < j1; ++j)
-      for (int i = i0; i < i1; ++i) count += static_cast<int>(lattice.nodes.count({i, j}));
-    return count;
-  };
-  std::vector<Placement> placements;
-  for (const bool turned : {false, true}) {
-    if (turned && board.cornersX() == board.cornersY()) break;
-    const int columns = turned ? board.cornersY() : board.cornersX();
-    const int rows = turned ? board.cornersX() : board.cornersY();
-    // One line may be missing altogether on each side.
-    for (int j0 = std::min(j_min, j_max - rows + 1); j0 <= std::max(j_min, j_max - rows + 1); ++j0) {
-      for (int i0 = std::min(i_min, i_max - columns + 1); i0 <= std::max(i_min, i_max - columns + 1); ++i0) {
-        Placement placement{i0, j0, columns, rows, 0};
-        placement.present = countIn(i0, i0 + columns, j0, j0 + rows);
-        if (placement.present * 10 < columns * rows * 7 || placement.present < 4) continue;
-        // Squares that go on beyond a side: the board is larger, or this is part of another pattern.
-        const int i1 = i0 + columns, j1 = j0 + rows;
-        const int left = countLine(lattice, i0 - 1, j0, 0, 1, rows, -1, 0);
-        const int right = countLine(lattice, i1, j0, 0, 1, rows, 1, 0);
-        const int top = countLine(lattice, i0, j0 - 1, 1, 0, columns, 0, -1);
-        const int bottom = countLine(lattice, i0, j1, 1, 0, columns, 0, 1);
-        if (3 * std::max(left, right) > rows || 3 * std::max(top, bottom) > columns) continue;
-        if (5 * (left + right + top + bottom) > 2 * (columns + rows)) continue;
-        placements.push_back(placement);
-      }
-    }
-  }
-  std::stable_sort(placements.begin(), placements.end(),
-                   [](const Placement& a, const Placement& b) { return a.present > b.present; });
-  constexpr std::size_t kMostPlacements = 4;
-  if (placements.size() > kMostPlacements) placements.resize(kMostPlacements);
-  return placements;
 }
 
 std::optional<Grid> measureGrid(const cv::Mat& gray, const Checkerboard& board, const Lattice& lattice,

@@ -8,6 +8,7 @@
 
 #include "corner_fit.h"
 #include "lattice.h"
+#include "placement.h"
 #include "servocal/core/board_spec.h"
 #include "warp.h"
 
@@ -27,17 +28,6 @@ struct Grid {
   /// Smallest distance between neighboring parallel edges, px.
   double smallestSpacing() const;
 };
-
-/// Where a board could lie in a lattice: node (i0, j0) is its first corner.
-struct Placement {
-  int i0 = 0, j0 = 0;
-  int columns = 0, rows = 0;
-  int present = 0;  ///< Corners the lattice has; the rest must be found by prediction.
-};
-
-/// Placements of the board in either order of its dimensions, best first. None where the lattice
-/// visibly goes on beyond the board.
-std::vector<Placement> findPlacements(const Lattice& lattice, const Checkerboard& board);
 
 /// Measures every corner of a placement to sub-pixel accuracy. `scale` is the lattice's level: one of its
 /// pixels is `scale` pixels of `gray`. Nothing if a corner cannot be measured or the corners do not lie on
