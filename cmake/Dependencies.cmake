@@ -15,6 +15,14 @@ find_package(fcl 0.7 REQUIRED)
 find_package(ompl 1.5 REQUIRED)
 pkg_check_modules(cairo REQUIRED IMPORTED_TARGET cairo cairo-pdf)
 
+# OpenNI2 ships a pkg-config file alone, which names the library without its folder.
+pkg_check_modules(openni2 REQUIRED IMPORTED_TARGET libopenni2)
+add_library(servocal_openni2 INTERFACE)
+target_include_directories(servocal_openni2 SYSTEM INTERFACE ${openni2_INCLUDE_DIRS})
+target_link_libraries(servocal_openni2 INTERFACE PkgConfig::openni2)
+set(SERVOCAL_OPENNI2_LIBRARY ${openni2_LINK_LIBRARIES})
+get_filename_component(SERVOCAL_OPENNI2_FOLDER ${SERVOCAL_OPENNI2_LIBRARY} DIRECTORY)
+
 # VISP's package file appends to CMAKE_CXX_FLAGS and carries no include directories in its targets.
 set(servocal_saved_flags "${CMAKE_CXX_FLAGS}")
 find_package(VISP 3.5 REQUIRED visp_core visp_vs visp_visual_features)

@@ -130,7 +130,12 @@ CameraConfig readCamera(const ConfigReader& section) {
   CameraConfig camera;
   camera.name = section.text("name");
   if (camera.name.empty()) section.fail("name", "a camera needs a name");
-  camera.backend = static_cast<CameraBackend>(section.choice("backend", {"sim"}));
+  camera.backend =
+      static_cast<CameraBackend>(section.choice("backend", {"sim", "openni2", "freenect", "v4l2"}));
+  if (camera.backend != CameraBackend::kSim) camera.device = section.text("device", "");
+  if (camera.backend == CameraBackend::kV4l2 && section.has("infrared")) {
+    section.fail("infrared", "a camera of the backend 'v4l2' has a color image alone");
+  }
   camera.mount = static_cast<Mount>(section.choice("mount", {"fixed", "flange"}, 0));
   camera.width_px = section.integer("width_px", {64, 20000});
   camera.height_px = section.integer("height_px", {64, 20000});
@@ -156,6 +161,20 @@ CoverageConfig readCoverage(const ConfigReader& section) {
   coverage.check_views = section.integer("check_views", {0, 1000}, coverage.check_views);
   section.finish();
   return coverage;
+}
+
+/// What a simulated arm carries no real camera sees: whatever driver reads a camera, its images are
+/// simulated.
+void demandSimulatedCameras(const ConfigReader& reader, const CellConfig& cell) {
+  for (const CameraConfig& camera : cell.cameras) {
+    const auto& simulated = cell.simulation->cameras;
+    if (std::none_of(simulated.begin(), simulated.end(),
+                     [&](const SimulatedCameraConfig& other) { return other.name == camera.name; })) {
+      reader.fail("cameras", "camera '" + camera.name +
+                                 "' is missing in 'simulation.cameras': the arm is simulated, so no "
+                                 "real camera can see what it carries");
+    }
+  }
 }
 
 CellConfig readCell(const std::string& text, const std::string& origin, const std::filesystem::path& file) {
@@ -189,6 +208,7 @@ CellConfig readCell(const std::string& text, const std::string& origin, const st
   if (simulated && !cell.simulation) {
     reader.fail("simulation", "missing key 'simulation': the backend 'sim' needs it");
   }
+  if (cell.arm.backend == ArmBackend::kSim) demandSimulatedCameras(reader, cell);
   return cell;
 }
 

@@ -185,10 +185,35 @@ std::set<std::string> keysOfEveryBoard() {
   std::set<std::string> keys;
   TagGrid aruco;
   aruco.family = "aruco_6x6_250";
-  for (const BoardSpec& board : {BoardSpec{}, BoardSpec{aruco}, BoardSpec{Charuco{}}, BoardSpec{CircleGrid{}}}) {
+  for (const BoardSpec& board :
+       {BoardSpec{}, BoardSpec{aruco}, BoardSpec{Charuco{}}, BoardSpec{CircleGrid{}}}) {
     for (const auto& [key, value] : boardKeys(board)) keys.insert(key);
   }
   return keys;
+}
+
+TEST_F(CellFile, ReadsWhichDriverReadsACamera) {
+  const auto camera = [&](const std::string& text) {
+    return load(changed("- name: cam1\n    backend: sim", "- name: cam1\n    " + text)).cameras[0];
+  };
+  EXPECT_EQ(camera("backend: openni2").backend, CameraBackend::kOpenNi2);
+  EXPECT_EQ(camera("backend: openni2").device, "");
+  EXPECT_EQ(camera("backend: freenect\n    device: \"A0036\"").device, "A0036");
+  EXPECT_EQ(camera("backend: v4l2\n    device: \"/dev/video2\"").backend, CameraBackend::kV4l2);
+  expectPart(refusal("mount: fixed", "device: \"1\""), "unknown key 'device'");
+  expectPart(refusal("backend: sim\n    mount: fixed",
+                     "backend: v4l2\n    infrared: {width_px: 640, height_px: 480, horizontal_fov_deg: 60}"),
+             "has a color image alone");
+}
+
+// No real camera sees what a simulated arm carries.
+TEST_F(CellFile, RefusesARealCameraBeforeASimulatedArm) {
+  const std::string second =
+      "cameras:\n  - name: cam2\n    backend: openni2\n    width_px: 640\n    height_px: 480\n"
+      "    horizontal_fov_deg: 60\n  - name: cam1\n    backend: sim\n    mount: fixed";
+  const std::string message = refusal("cameras:\n  - name: cam1\n    backend: sim\n    mount: fixed", second);
+  expectPart(message, "'cam2'");
+  expectPart(message, "the arm is simulated");
 }
 
 // The default cell, the cell of every key and the kinds of board name every key there is; the page must name the same, no more and no
