@@ -16,7 +16,8 @@ using ViewKey = std::pair<std::string, Stream>;
 struct Predictions {
   std::map<std::int64_t, std::map<ViewKey, double>> log_density;
   int views = 0;
-  double squares_px2 = 0.0, squares_m2 = 0.0, count = 0.0, chi_square = 0.0;  // count: residuals, two per corner
+  double squares_px2 = 0.0, squares_m2 = 0.0, count = 0.0,
+         chi_square = 0.0;  // count: residuals, two per corner
 };
 
 std::optional<Predictions> predict(const BoardSpec& board, const std::vector<Observation>& sorted,

@@ -24,8 +24,8 @@ using StreamKey = std::pair<std::string, Stream>;
 
 std::string nameOf(const StreamKey& stream) { return stream.first + " " + toString(stream.second); }
 
-/// The leanest description: no third radial term, a flat board, an arm as it reports. Where the lens is asked for
-/// by the caller it stays as asked.
+/// The leanest description: no third radial term, a flat board, an arm as it reports. Where the lens is asked
+/// for by the caller it stays as asked.
 calib::JointOptions baseOptions(const std::vector<Observation>& observations, const SolveOptions& options,
                                 std::vector<std::string>& notes) {
   calib::JointOptions joint;
@@ -40,8 +40,8 @@ calib::JointOptions baseOptions(const std::vector<Observation>& observations, co
   }
   for (const auto& [key, count] : views) {
     if (count < kLeastViews) {
-      notes.push_back(nameOf(key) + " is not in the joint estimate: it saw the board " + std::to_string(count) +
-                      " times, three are needed");
+      notes.push_back(nameOf(key) + " is not in the joint estimate: it saw the board " +
+                      std::to_string(count) + " times, three are needed");
       continue;
     }
     calib::JointStream stream;
@@ -73,11 +73,11 @@ void holdThirdRadial(calib::JointOptions& joint) {
   }
 }
 
-std::optional<calib::RobotTerms> termsFor(const std::vector<Observation>& observations, const SolveOptions& options,
-                                          std::vector<std::string>& notes) {
-  const bool has_angles = std::all_of(observations.begin(), observations.end(), [](const Observation& observation) {
-    return !observation.robot || observation.robot->q.size() > 0;
-  });
+std::optional<calib::RobotTerms> termsFor(const std::vector<Observation>& observations,
+                                          const SolveOptions& options, std::vector<std::string>& notes) {
+  const bool has_angles = std::all_of(
+      observations.begin(), observations.end(),
+      [](const Observation& observation) { return !observation.robot || observation.robot->q.size() > 0; });
   if (!options.arm || !has_angles) return std::nullopt;
   try {
     return armTerms(*options.arm);
@@ -93,32 +93,33 @@ struct Chosen {
   std::optional<JointHeldOut> cross_validated;
 };
 
-Chosen choose(const BoardSpec& board, const std::vector<Observation>& observations, const SolveOptions& options,
-              std::vector<std::string>& notes) {
+Chosen choose(const BoardSpec& board, const std::vector<Observation>& observations,
+              const SolveOptions& options, std::vector<std::string>& notes) {
   const calib::JointOptions asked = baseOptions(observations, options, notes);
-  const auto stops = std::count_if(observations.begin(), observations.end(), [](const Observation& observation) {
-    return observation.robot && !observation.views.empty();
-  });
+  const auto stops = std::count_if(
+      observations.begin(), observations.end(),
+      [](const Observation& observation) { return observation.robot && !observation.views.empty(); });
   const std::string lean = "The lens as asked, a flat board, the arm as it reports";
   if (stops < kLeastStopsToChoose) {
-    return {asked, lean + ": fewer than " + std::to_string(kLeastStopsToChoose) + " stops tell nothing more.", {}};
+    return {asked,
+            lean + ": fewer than " + std::to_string(kLeastStopsToChoose) + " stops tell nothing more.",
+            {}};
   }
   calib::JointOptions base = asked;
   std::vector<calib::ModelTerm> terms;
   if (std::any_of(asked.streams.begin(), asked.streams.end(), mayHaveThirdRadial)) {
     holdThirdRadial(base);
-    terms.push_back({"third radial distortion (k3)", [streams = asked.streams](calib::JointOptions& richer) {
-                       richer.streams = streams;
-                     }});
+    terms.push_back({"third radial distortion (k3)",
+                     [streams = asked.streams](calib::JointOptions& richer) { richer.streams = streams; }});
   }
   terms.push_back({"bow of the board", [](calib::JointOptions& richer) { richer.board.bow = true; }});
   if (auto arm = termsFor(observations, options, notes)) {
-    terms.push_back({"errors of the arm's geometry", [arm = *std::move(arm)](calib::JointOptions& richer) {
-                       richer.robot_terms = arm;
-                     }});
+    terms.push_back({"errors of the arm's geometry",
+                     [arm = *std::move(arm)](calib::JointOptions& richer) { richer.robot_terms = arm; }});
   }
   auto selection = calib::selectModel(board, observations, base, terms, kBlocks);
-  if (!selection) return {asked, lean + ": a part of the views does not determine it, so that nothing was compared.", {}};
+  if (!selection)
+    return {asked, lean + ": a part of the views does not determine it, so that nothing was compared.", {}};
   const calib::ModelScore& score = selection->score;
   return {std::move(selection->options), std::move(selection->sentence),
           JointHeldOut{score.views, score.rms_px, score.rms_m, score.z}};
@@ -131,7 +132,8 @@ Eigen::Isometry3d holderPose(Mount mount, const RobotState& robot) {
 
 /// Where the board's origin was in the frame the cameras stand in, at the stops that a camera used.
 std::vector<Eigen::Vector3d> boardPlaces(const std::vector<Observation>& observations,
-                                         const calib::JointSolution& solution, const calib::JointCamera& camera) {
+                                         const calib::JointSolution& solution,
+                                         const calib::JointCamera& camera) {
   std::set<std::int64_t> used;
   for (const ViewResidual& view : camera.views) {
     if (view.used) used.insert(view.observation_id);
@@ -203,7 +205,8 @@ void reportCell(const calib::JointSolution& solution, JointResult& out) {
   out.declared_sigma_m = solution.robot.declared_m;
   out.declared_sigma_rad = solution.robot.declared_rad;
   for (Eigen::Index i = 0; i < solution.robot_terms.size(); ++i) {
-    out.robot_terms.emplace_back(solution.robot_model->names[static_cast<std::size_t>(i)], solution.robot_terms[i]);
+    out.robot_terms.emplace_back(solution.robot_model->names[static_cast<std::size_t>(i)],
+                                 solution.robot_terms[i]);
   }
   for (const calib::OpenDirection& direction : solution.open) out.open.push_back(direction.sentence);
   out.notes.insert(out.notes.end(), solution.notes.begin(), solution.notes.end());
@@ -219,7 +222,8 @@ JointAnswer tryJointly(const BoardSpec& board, const std::vector<Observation>& o
                        const std::vector<Observation>& kept, const SolveOptions& options) {
   JointResult out;
   const Chosen chosen = choose(board, observations, options, out.notes);
-  if (chosen.options.streams.empty()) return {std::nullopt, calib::toString(calib::JointStatus::kTooFewViews)};
+  if (chosen.options.streams.empty())
+    return {std::nullopt, calib::toString(calib::JointStatus::kTooFewViews)};
   const calib::JointOutcome outcome = calib::solveJoint(board, observations, chosen.options);
   if (!outcome.solution) return {std::nullopt, sentenceOf(outcome)};
   const calib::JointSolution& solution = *outcome.solution;
@@ -238,8 +242,9 @@ JointAnswer tryJointly(const BoardSpec& board, const std::vector<Observation>& o
         JointHeldOut{static_cast<int>(held_out.views.size()), held_out.rms_px, held_out.rms_m, held_out.z};
   } else if (chosen.cross_validated) {
     out.held_out = chosen.cross_validated;
-    out.notes.emplace_back("no view was held out: the error in views not seen is that of a cross-validation in " +
-                           std::to_string(kBlocks) + " blocks");
+    out.notes.emplace_back(
+        "no view was held out: the error in views not seen is that of a cross-validation in " +
+        std::to_string(kBlocks) + " blocks");
   }
   return {std::move(out), ""};
 }
@@ -248,8 +253,9 @@ JointAnswer tryJointly(const BoardSpec& board, const std::vector<Observation>& o
 
 JointAnswer solveJointly(const BoardSpec& board, const std::vector<Observation>& observations,
                          const std::vector<Observation>& kept, const SolveOptions& options) {
-  const bool has_robot = std::any_of(observations.begin(), observations.end(),
-                                     [](const Observation& observation) { return observation.robot.has_value(); });
+  const bool has_robot =
+      std::any_of(observations.begin(), observations.end(),
+                  [](const Observation& observation) { return observation.robot.has_value(); });
   if (!has_robot) return {};
   try {
     return tryJointly(board, observations, kept, options);

@@ -16,8 +16,8 @@ struct JointAnswer {
 };
 
 /// Everything at once: which lens terms, whether a bow of the board and errors of the arm's geometry by
-/// cross-validation (calib::selectModel), then calib::solveJoint, the maps, who is to blame for what does not fit,
-/// and the error in `kept`, which only this looks at. Without any of `kept` that error is that of the
+/// cross-validation (calib::selectModel), then calib::solveJoint, the maps, who is to blame for what does not
+/// fit, and the error in `kept`, which only this looks at. Without any of `kept` that error is that of the
 /// cross-validation. Never throws for what the data are.
 JointAnswer solveJointly(const BoardSpec& board, const std::vector<Observation>& observations,
                          const std::vector<Observation>& kept, const SolveOptions& options);

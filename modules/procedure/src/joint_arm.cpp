@@ -11,7 +11,7 @@
 namespace servocal::procedure {
 namespace {
 
-constexpr double kPriorM = 0.001, kPriorRad = 0.002;
+constexpr double kLeverM = 0.5;     // Makes an accuracy in rad of one in m.
 constexpr double kParallel = 0.05;  // sine of the angle between two axes
 
 /// A joint's axis in the base, with a point of it that stays where it is in the links on either side.
@@ -74,26 +74,29 @@ Chain chainAt(const robot::Kinematics& kinematics, const Eigen::VectorXd& q) {
 
 /// Terms, each with its column: how the flange moves in the base.
 struct Columns {
+  explicit Columns(double accuracy) : accuracy_m(accuracy) {}
+
+  double accuracy_m;
   std::vector<std::string> names;
   std::vector<double> prior_sigma;
   std::vector<Eigen::Matrix<double, 6, 1>> motions;
 
   void shift(const std::string& name, const Eigen::Vector3d& direction) {
     names.push_back(name + " (m)");
-    prior_sigma.push_back(kPriorM);
+    prior_sigma.push_back(accuracy_m);
     motions.emplace_back();
     motions.back() << direction, Eigen::Vector3d::Zero();
   }
   void turn(const std::string& name, const Eigen::Vector3d& axis, const Eigen::Vector3d& lever) {
     names.push_back(name + " (rad)");
-    prior_sigma.push_back(kPriorRad);
+    prior_sigma.push_back(accuracy_m / kLeverM);
     motions.emplace_back();
     motions.back() << axis.cross(lever), axis;
   }
 };
 
-Columns columnsOf(const Chain& chain) {
-  Columns columns;
+Columns columnsOf(const Chain& chain, double accuracy_m) {
+  Columns columns(accuracy_m);
   const Eigen::Vector3d flange = chain.bMe.translation();
   for (std::size_t i = 0; i < chain.normals.size(); ++i) {
     const Normal& normal = chain.normals[i];
@@ -119,18 +122,20 @@ Columns columnsOf(const Chain& chain) {
 std::optional<calib::RobotTerms> armTerms(const ArmConfig& arm) {
   const auto kinematics = std::make_shared<const robot::Kinematics>(arm);
   if (kinematics->joints() < 2) return std::nullopt;
-  const Columns columns = columnsOf(chainAt(*kinematics, Eigen::VectorXd::Zero(kinematics->joints())));
+  const Columns columns =
+      columnsOf(chainAt(*kinematics, Eigen::VectorXd::Zero(kinematics->joints())), arm.accuracy_m);
   calib::RobotTerms terms;
   terms.names = columns.names;
-  terms.prior_sigma = Eigen::Map<const Eigen::VectorXd>(columns.prior_sigma.data(),
-                                                        static_cast<Eigen::Index>(columns.prior_sigma.size()));
-  terms.jacobian = [kinematics](const RobotState& state) {
+  terms.prior_sigma = Eigen::Map<const Eigen::VectorXd>(
+      columns.prior_sigma.data(), static_cast<Eigen::Index>(columns.prior_sigma.size()));
+  terms.jacobian = [kinematics, accuracy_m = arm.accuracy_m](const RobotState& state) {
     const Chain chain = chainAt(*kinematics, state.q);
-    const Columns at = columnsOf(chain);
+    const Columns at = columnsOf(chain, accuracy_m);
     const Eigen::Matrix3d eRb = chain.bMe.rotation().transpose();
     Eigen::MatrixXd jacobian(6, static_cast<Eigen::Index>(at.motions.size()));
     for (std::size_t i = 0; i < at.motions.size(); ++i) {
-      jacobian.col(static_cast<Eigen::Index>(i)) << eRb * at.motions[i].head<3>(), eRb * at.motions[i].tail<3>();
+      jacobian.col(static_cast<Eigen::Index>(i)) << eRb * at.motions[i].head<3>(),
+          eRb * at.motions[i].tail<3>();
     }
     return jacobian;
   };

@@ -37,9 +37,9 @@ struct ModelSelection {
   std::string sentence;            ///< What was kept and what the data do not support.
 };
 
-/// Adds terms to a base, one after the other: each is kept, and becomes part of what the next is compared with,
-/// if the views that were not fitted are the more probable by twice the standard deviation of the difference.
-/// The probability counts corner noise, robot noise and the model's own covariance.
+/// Adds terms to a base, one after the other: each is kept, and becomes part of what the next is compared
+/// with, if the views that were not fitted are the more probable by twice the standard deviation of the
+/// difference. The probability counts corner noise, robot noise and the model's own covariance.
 ///
 /// Cross-validation by blocks of consecutive stops (by id): neighbors in time look alike, and one in the
 /// fitted set would tell too much about another held out. Each description is solved once per block.
