@@ -46,7 +46,9 @@ int main(int argc, char** argv) {
   const CellConfig cell = cell_file.empty() ? defaultCell() : loadCell(cell_file);
   const auto folder = std::filesystem::temp_directory_path() / ("servocal-cell-bench-" + std::to_string(getpid()));
   std::printf("seed goal  obs motion_s tilt_s lost cpu_s | camera  pose_mm pose_deg  cMi_mm cMi_deg  depth_mm before  after"
-              " beyond | held-out px    mm\n");
+              " beyond | held-out px    mm\n"
+              "each stream of the joint estimate: pose_mm pose_deg z (1: the claim holds) bound_mm | projection at range, "
+              "worst place: error claim bound, px\n");
   std::map<std::string, Columns> by_camera;
   std::vector<double> motion_s, tilt_s, cpu_s;
   int met = 0;
@@ -80,6 +82,30 @@ int main(int argc, char** argv) {
         std::printf(" %8.3f", value);
       }
       std::printf("\n");
+    }
+    for (const test::JointErrors& errors : trial.joint_errors) {
+      const std::string name = errors.camera + " " + toString(errors.stream) + " joint";
+      const std::vector<std::pair<std::string, double>> row = {
+          {"pose_mm", errors.pose_m * 1e3},          {"pose_deg", errors.pose_rad * kDegPerRad},
+          {"pose_z", errors.pose_z},                 {"bound_mm", errors.pose_bound_m * 1e3},
+          {"worst_error_px", errors.error_px},       {"worst_claim_px", errors.claim_px},
+          {"worst_bound_px", errors.bound_px}};
+      std::printf("%42s | %-22s", "", name.c_str());
+      for (const auto& [column, value] : row) {
+        by_camera[name].add(column, value);
+        std::printf(" %8.3f", value);
+      }
+      std::printf("\n");
+    }
+    if (const auto& joint = trial.result.joint) {
+      std::printf("     joint: robot %.3f mm %.4f deg per axis; held out %d views, %.3f px %.3f mm, z %.2f; %s\n",
+                  joint->robot_sigma_m * 1e3, joint->robot_sigma_rad * kDegPerRad,
+                  joint->held_out ? joint->held_out->views : 0, joint->held_out ? joint->held_out->rms_px : NAN,
+                  joint->held_out ? joint->held_out->rms_m * 1e3 : NAN, joint->held_out ? joint->held_out->z : NAN,
+                  joint->model.c_str());
+      for (const std::string& fault : joint->faults) std::printf("     fault: %s\n", fault.c_str());
+    } else {
+      std::printf("     joint: none. %s\n", trial.result.joint_problem.c_str());
     }
     for (const std::string& missing : trial.result.missing) std::printf("     missing: %s\n", missing.c_str());
     std::fflush(stdout);

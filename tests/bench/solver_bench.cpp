@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Our solvers beside OpenCV's on the same synthetic views: error against the truth and CPU time.
+// Our solvers beside OpenCV's and ViSP's on the same views: error against the truth (of recordings: in views held
+// out) and CPU time.
 //
-//   solver_bench [SEEDS]     (default 10)
+//   solver_bench [SEEDS [all|parts|sessions|recordings [RECORDINGS]]]     (default 10 all)
+//
+// RECORDINGS is the folder of test recordings that the manifests in tests/data/manifests start at.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -12,13 +15,19 @@
 #include <vector>
 
 #include "calib_scene.h"
+#include "hand_eye_peers.h"
 #include "servocal/calib/board_pose.h"
 #include "servocal/calib/hand_eye.h"
 #include "servocal/calib/intrinsics.h"
 #include "servocal/calib/reprojection.h"
+#include "solver_sessions.h"
 
 namespace servocal {
 namespace {
+
+using test::opencvHandEye;
+using test::opencvRobotWorld;
+using test::Stops;
 
 double cpuMs() { return 1e3 * static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
@@ -91,58 +100,6 @@ void benchIntrinsics(int seeds) {
 }
 
 // ------------------------------------------------------------------ hand-eye
-
-struct Stops {
-  std::vector<Pose<Base, EndEffector>> lMr;  // bMe, or its inverse for a camera on the flange
-  std::vector<Pose<Color, Board>> cMo;       // best planar solution
-};
-
-cv::Mat matOf(const Eigen::Matrix3d& m) {
-  cv::Mat out(3, 3, CV_64F);
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) out.at<double>(r, c) = m(r, c);
-  }
-  return out;
-}
-cv::Mat matOf(const Eigen::Vector3d& v) { return (cv::Mat_<double>(3, 1) << v.x(), v.y(), v.z()); }
-
-Eigen::Isometry3d isometryOf(const cv::Mat& rotation, const cv::Mat& translation) {
-  Eigen::Isometry3d out = Eigen::Isometry3d::Identity();
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) out(r, c) = rotation.at<double>(r, c);
-    out(r, 3) = translation.at<double>(r);
-  }
-  return out;
-}
-
-Eigen::Isometry3d opencvHandEye(const Stops& stops, cv::HandEyeCalibrationMethod method) {
-  std::vector<cv::Mat> r_gripper, t_gripper, r_target, t_target;
-  for (std::size_t i = 0; i < stops.lMr.size(); ++i) {
-    const auto rMl = stops.lMr[i].inverse();  // OpenCV solves for a camera that moves with its "gripper"
-    r_gripper.push_back(matOf(rMl.rotation()));
-    t_gripper.push_back(matOf(rMl.translation()));
-    r_target.push_back(matOf(stops.cMo[i].rotation()));
-    t_target.push_back(matOf(stops.cMo[i].translation()));
-  }
-  cv::Mat rotation, translation;
-  cv::calibrateHandEye(r_gripper, t_gripper, r_target, t_target, rotation, translation, method);
-  return isometryOf(rotation, translation);
-}
-
-Eigen::Isometry3d opencvRobotWorld(const Stops& stops, cv::RobotWorldHandEyeCalibrationMethod method) {
-  // World = board, gripper frame = l: camera from board, l from r.
-  std::vector<cv::Mat> r_world, t_world, r_base, t_base;
-  for (std::size_t i = 0; i < stops.lMr.size(); ++i) {
-    r_world.push_back(matOf(stops.cMo[i].rotation()));
-    t_world.push_back(matOf(stops.cMo[i].translation()));
-    r_base.push_back(matOf(stops.lMr[i].rotation()));
-    t_base.push_back(matOf(stops.lMr[i].translation()));
-  }
-  cv::Mat r_base_world, t_base_world, r_gripper_cam, t_gripper_cam;
-  cv::calibrateRobotWorldHandEye(r_world, t_world, r_base, t_base, r_base_world, t_base_world, r_gripper_cam,
-                                 t_gripper_cam, method);
-  return isometryOf(r_gripper_cam, t_gripper_cam).inverse();
-}
 
 void benchHandEye(int seeds, Mount mount) {
   std::printf("\nHand-eye, camera %s, 0.2 px, robot 0.29 mm and 0.5 mrad per axis, intrinsics known:\n"
@@ -239,12 +196,20 @@ void benchHandEye(int seeds, Mount mount) {
 
 int main(int argc, char** argv) {
   const int seeds = argc > 1 ? std::atoi(argv[1]) : 10;
-  if (seeds < 1) {
-    std::fprintf(stderr, "usage: solver_bench [SEEDS]\n");
+  const std::string part = argc > 2 ? argv[2] : "all", root = argc > 3 ? argv[3] : "";
+  if (seeds < 1 || (part == "recordings" && root.empty())) {
+    std::fprintf(stderr, "usage: solver_bench [SEEDS [all|parts|sessions|recordings [RECORDINGS]]]\n");
     return 2;
   }
-  servocal::benchIntrinsics(seeds);
-  servocal::benchHandEye(seeds, servocal::Mount::kFixed);
-  servocal::benchHandEye(seeds, servocal::Mount::kFlange);
+  if (part == "all" || part == "parts") {
+    servocal::benchIntrinsics(seeds);
+    servocal::benchHandEye(seeds, servocal::Mount::kFixed);
+    servocal::benchHandEye(seeds, servocal::Mount::kFlange);
+  }
+  if (part == "all" || part == "sessions") {
+    servocal::test::benchSessions(seeds, servocal::Mount::kFixed);
+    servocal::test::benchSessions(seeds, servocal::Mount::kFlange);
+  }
+  if (!root.empty() && (part == "all" || part == "recordings")) servocal::test::benchRecordings(root);
   return 0;
 }

@@ -28,6 +28,8 @@ class RandomResult {
     for (int i = 0; i < cameras; ++i) result.cameras.push_back(camera("cam" + std::to_string(i + 1), i));
     for (int i = 1; i < cameras; ++i)
       result.camera_pairs.push_back(pair("cam1", "cam" + std::to_string(i + 1)));
+    result.joint = joint(result);
+    result.joint_problem = "what a result without a joint estimate says";
     return result;
   }
 
@@ -107,6 +109,7 @@ class RandomResult {
     summary.near_views = 20;
     summary.far_views = 11;
     summary.tilt_bins = {{"facing", 5}, {"roll+", 4}};
+    summary.out_of_reach = {"far views", "tilt yaw-"};
     return summary;
   }
 
@@ -166,6 +169,59 @@ class RandomResult {
     result.time_offset_s = near(0.05);
     result.time_offset_sigma_s = 1e-3 + near(1e-4);
     return result;
+  }
+
+  ProjectionMap projection() {
+    ProjectionMap map{3, 2, {}, 0.3 + near(0.1), 0.2 + near(0.1)};
+    for (int i = 0; i < 6; ++i) map.sigma_px.push_back(0.2 + near(0.1));
+    return map;
+  }
+
+  JointCameraResult jointCamera(const std::string& name, Stream stream, const CameraModel& model) {
+    JointCameraResult camera;
+    camera.camera = name;
+    camera.stream = stream;
+    camera.model = model;
+    camera.sigma = Eigen::VectorXd::Constant(model.parameters.size(), 0.1 + near(0.05));
+    camera.sigma[8] = 0;
+    camera.pose = randomPose<Base, Color>(random_, 3.0, 1.0).isometry();
+    Eigen::Matrix<double, 6, 6> root;
+    for (double& entry : root.reshaped()) entry = near(1e-3);
+    camera.pose_covariance = root * root.transpose();
+    camera.rms_px = 0.2 + near(0.1);
+    camera.corner_scale = 1.1 + near(0.1);
+    camera.views = 31;
+    camera.range_m = 0.6 + near(0.1);
+    camera.at_infinity = projection();
+    camera.at_range = projection();
+    camera.workspace = {2, 2, 3, {}, 1e-3 + near(1e-4), 5e-4 + near(1e-4), 12};
+    for (int i = 0; i < 12; ++i) camera.workspace.sigma_m.push_back(5e-4 + near(1e-4));
+    return camera;
+  }
+
+  JointResult joint(const CalibrationResult& result) {
+    JointResult out;
+    for (const CameraResult& camera : result.cameras) {
+      out.cameras.push_back(jointCamera(camera.camera, Stream::kColor, camera.intrinsics.camera));
+      out.cameras.push_back(jointCamera(camera.camera, Stream::kInfrared, camera.infrared->camera));
+    }
+    out.board_pose = randomPose<EndEffector, Board>(random_, 3.0, 0.1).isometry();
+    for (int i = 0; i < 6; ++i) out.board_sigma[i] = 5e-4 + near(4e-4);
+    out.board_scale_x = 1 + near(1e-3);
+    out.board_scale_y = 1 + near(1e-3);
+    out.board_bow_x_m = near(1e-4);
+    out.board_bow_y_m = near(1e-4);
+    out.robot_sigma_m = 2e-4 + near(1e-4);
+    out.robot_sigma_rad = 3e-4 + near(1e-4);
+    out.declared_sigma_m = 3e-4;
+    out.declared_sigma_rad = 5e-4;
+    out.robot_terms = {{"joint 2 offset (rad)", near(1e-3)}, {"link 2 length (m)", near(1e-3)}};
+    out.model = "Supported by the views held out: errors of the arm's geometry.";
+    out.open = {"the turn of the board is open"};
+    out.faults = {"the camera cam1 (color) was moved"};
+    out.notes = {"a note"};
+    out.held_out = JointHeldOut{9, 0.3 + near(0.1), 3e-4 + near(1e-4), 1 + near(0.1)};
+    return out;
   }
 
   std::mt19937_64 random_;

@@ -89,6 +89,7 @@ Trial runTrial(const CellConfig& cell, std::uint64_t seed, const std::filesystem
   sim::Cell simulation(cell, seed);
   const robot::Kinematics kinematics(cell.arm);
   Trial trial;
+  std::vector<Observation> observations;
   {
     robot::Guard guard(simulation.arm(), kinematics, simulation.clock(), cell);
     procedure::Devices devices{simulation.clock(), guard, {}};
@@ -98,7 +99,8 @@ Trial runTrial(const CellConfig& cell, std::uint64_t seed, const std::filesystem
     for (const Attempt& attempt : session.attempts()) {
       trial.target_losses += attempt.stage != "tilt" && attempt.status == DriveStatus::kTargetLost;
     }
-    for (const Observation& observation : session.observations()) {
+    observations = session.observations();
+    for (const Observation& observation : observations) {
       trial.coverage_views += observation.stage == "cover";
     }
   }
@@ -110,6 +112,7 @@ Trial runTrial(const CellConfig& cell, std::uint64_t seed, const std::filesystem
   for (const CameraResult& camera : trial.result.cameras) {
     if (camera.hand_eye) trial.errors.push_back(errorsOf(truth, camera, simulation.clock().now()));
   }
+  trial.joint_errors = jointErrors(cell, truth, trial.result, observations);
   const std::string& name = cell.cameras.front().name;
   // The rest is about what a UR5 can reach for a camera in the cell.
   if (cell.cameras.front().mount == Mount::kFlange || cell.arm.urdf != "ur5") return trial;

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "joint_errors.h"
 #include "servocal/core/cell_config.h"
 #include "servocal/core/result.h"
 
@@ -31,6 +32,7 @@ struct CameraErrors {
 struct Trial {
   CalibrationResult result;
   std::vector<CameraErrors> errors;   ///< Of every camera that has a hand-eye.
+  std::vector<JointErrors> joint_errors;  ///< Of every stream of the joint estimate.
   int reachable_cells = 0;         ///< By the truth; see reachable_cells.h.
   int cells = 0;
   int filled_reachable_cells = 0;  ///< Of them, filled.

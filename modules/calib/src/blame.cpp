@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "servocal/calib/blame.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 
 #include "joint_prediction.h"
+#include "joint_step.h"
 #include "servocal/calib/diagnose.h"
 #include "view_reasons.h"
 
@@ -19,48 +18,6 @@ std::string text(const char* format, Arguments... arguments) {
   char out[300];
   std::snprintf(out, sizeof out, format, arguments...);
   return out;
-}
-
-/// The step that explains most: whose pose changed, when, by how much.
-struct Step {
-  double chi_square = 0.0;
-  std::size_t stop = 0;
-  int at = 0;  // first of the six pose parameters
-  Vector6d moved = Vector6d::Zero();
-};
-
-/// Score test of a step in each of the poses at each of the stops.
-Step bestStep(const JointProblem& problem, const JointState& state, const Eigen::MatrixXd& covariance) {
-  const JointLayout& layout = problem.layout();
-  std::vector<int> poses = {layout.board_at};
-  for (const JointLayout::Camera& camera : layout.cameras) poses.push_back(camera.poseAt());
-  constexpr std::size_t kLeastOnEitherSide = 3;
-  const std::size_t count = problem.stops().size();
-  Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(layout.size, layout.size);
-  Eigen::VectorXd gradient = Eigen::VectorXd::Zero(layout.size);
-  Step best;
-  for (std::size_t stop = count; stop-- > kLeastOnEitherSide;) {
-    const std::optional<ArrowSystem> own = problem.linearizeStop(state, stop);
-    if (!own) continue;
-    const ArrowSystem::Block& block = own->blocks.front();
-    matrix += reducedMatrix(*own);
-    gradient += own->gradient - block.cross * block.matrix.ldlt().solve(block.gradient);
-    if (count - stop < kLeastOnEitherSide) continue;
-    for (const int at : poses) {
-      const Matrix6d after = matrix.block<6, 6>(at, at);
-      const Eigen::MatrixXd cross = matrix.middleRows(at, 6);
-      const Matrix6d score = after - cross * covariance * cross.transpose();
-      // A camera that sees next to nothing on one side has no step to tell.
-      constexpr double kLeastShare = 1e-4;
-      if (!(after.diagonal().minCoeff() > 0)) continue;
-      const Eigen::GeneralizedSelfAdjointEigenSolver<Matrix6d> shares(score, after, Eigen::EigenvaluesOnly);
-      if (shares.info() != Eigen::Success || !(shares.eigenvalues().minCoeff() > kLeastShare)) continue;
-      const Vector6d moved = -score.ldlt().solve(gradient.segment<6>(at));
-      const double chi_square = -moved.dot(gradient.segment<6>(at));
-      if (chi_square > best.chi_square) best = {chi_square, stop, at, moved};
-    }
-  }
-  return best;
 }
 
 /// A step too large for the gate: one side of it is left out. From which view on; nothing unless at least
@@ -222,21 +179,17 @@ Blame findFaults(const BoardSpec& board, const std::vector<Observation>& unsorte
     const JointProblem& problem = prediction.problem();
     // Six parameters at an unknown one of many moments: by chance once in a thousand runs below 45.
     constexpr double kBeyondChance = 45.0;
-    const Step step = bestStep(problem, prediction.state(), solution.covariance);
+    const JointStep step = bestStep(problem, prediction.state(), solution);
     if (step.chi_square > kBeyondChance) {
       Fault fault;
       fault.significance = std::sqrt(step.chi_square);
       fault.since = problem.stops()[step.stop].observation->id;
       fault.moved_m = step.moved.head<3>().norm();
       fault.moved_rad = step.moved.tail<3>().norm();
-      std::string what = "the board slipped on its mount";
-      fault.kind = FaultKind::kBoardMoved;
-      for (const JointCamera& camera : solution.cameras) {
-        if (camera.pose_at != step.at) continue;
-        fault.kind = FaultKind::kCameraMoved;
-        fault.camera = camera.camera;
-        what = "the camera " + camera.camera + " (" + toString(camera.stream) + ") was moved";
-      }
+      fault.kind = step.camera.empty() ? FaultKind::kBoardMoved : FaultKind::kCameraMoved;
+      fault.camera = step.camera;
+      const std::string what =
+          step.camera.empty() ? "the board slipped on its mount" : "the camera " + step.camera + " was moved";
       fault.sentence = text(
           "%s by %.1f mm and %.2f degrees at or before observation %lld: fasten it and record again, "
           "or solve the two parts by themselves",

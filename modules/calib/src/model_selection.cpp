@@ -12,10 +12,12 @@ namespace {
 
 using ViewKey = std::pair<std::string, Stream>;
 
-/// Predictions of one candidate: log density by stop and view.
+/// Predictions of one description: log density by stop and view.
 struct Predictions {
   std::map<std::int64_t, std::map<ViewKey, double>> log_density;
-  double squares_px2 = 0.0, count = 0.0, chi_square = 0.0, degrees = 0.0;
+  int views = 0;
+  double squares_px2 = 0.0, squares_m2 = 0.0, count = 0.0,
+         chi_square = 0.0;  // count: residuals, two per corner
 };
 
 std::optional<Predictions> predict(const BoardSpec& board, const std::vector<Observation>& sorted,
@@ -33,10 +35,11 @@ std::optional<Predictions> predict(const BoardSpec& board, const std::vector<Obs
     if (!outcome.solution) return std::nullopt;
     for (const HeldOutView& view : predictHeldOut(board, held_out, *outcome.solution).views) {
       out.log_density[view.observation_id][{view.camera, view.stream}] = view.log_density;
+      ++out.views;
       out.squares_px2 += view.rms_px * view.rms_px * view.degrees;
+      out.squares_m2 += view.error_m * view.error_m * view.degrees;
       out.count += view.degrees;
       out.chi_square += view.chi_square;
-      out.degrees += view.degrees;
     }
   }
   return out;
@@ -65,12 +68,23 @@ std::pair<double, double> gainOf(const Predictions& richer, const Predictions& l
   return {sum, std::sqrt(squares)};
 }
 
+ModelScore scoreOf(const std::string& name, const Predictions& predictions) {
+  ModelScore score;
+  score.name = name;
+  score.solved = true;
+  score.views = predictions.views;
+  score.rms_px = std::sqrt(predictions.squares_px2 / predictions.count);
+  score.rms_m = std::sqrt(predictions.squares_m2 / predictions.count);
+  score.z = std::sqrt(predictions.chi_square / predictions.count);
+  return score;
+}
+
 }  // namespace
 
 std::optional<ModelSelection> selectModel(const BoardSpec& board,
                                           const std::vector<Observation>& observations,
-                                          const std::vector<ModelCandidate>& candidates, int blocks) {
-  if (candidates.empty()) throw std::invalid_argument("no model to choose from");
+                                          const JointOptions& base, const std::vector<ModelTerm>& terms,
+                                          int blocks) {
   if (blocks < 2) throw std::invalid_argument("cross-validation takes at least two blocks");
   std::vector<Observation> sorted;
   for (const Observation& observation : observations) {
@@ -79,30 +93,39 @@ std::optional<ModelSelection> selectModel(const BoardSpec& board,
   std::stable_sort(sorted.begin(), sorted.end(),
                    [](const Observation& a, const Observation& b) { return a.id < b.id; });
 
+  std::optional<Predictions> best = predict(board, sorted, base, blocks);
+  if (!best) return std::nullopt;
   ModelSelection selection;
-  std::optional<Predictions> best;
-  std::string refused;
-  for (std::size_t i = 0; i < candidates.size(); ++i) {
+  selection.options = base;
+  selection.score = scoreOf("", *best);
+  selection.score.kept = true;
+  selection.scores = {selection.score};
+  std::string kept, refused;
+  for (const ModelTerm& term : terms) {
+    JointOptions richer = selection.options;
+    term.allow(richer);
+    std::optional<Predictions> predictions = predict(board, sorted, richer, blocks);
     ModelScore score;
-    score.name = candidates[i].name;
-    std::optional<Predictions> predictions = predict(board, sorted, candidates[i].options, blocks);
-    if (!predictions && i == 0) return std::nullopt;
-    score.solved = predictions.has_value();
+    score.name = term.name;
     if (predictions) {
-      score.rms_px = std::sqrt(predictions->squares_px2 / predictions->count);
-      score.z = std::sqrt(predictions->chi_square / predictions->degrees);
-      if (best) std::tie(score.gain, score.gain_sigma) = gainOf(*predictions, *best);
-      score.kept = !best || score.gain > 2.0 * score.gain_sigma;
-      if (score.kept) {
-        best = std::move(predictions);
-        selection.chosen = i;
-      }
+      score = scoreOf(term.name, *predictions);
+      std::tie(score.gain, score.gain_sigma) = gainOf(*predictions, *best);
+      score.kept = score.gain > 2.0 * score.gain_sigma;
     }
-    if (!score.kept) refused += (refused.empty() ? "" : ", ") + score.name;
+    if (score.kept) {
+      best = std::move(predictions);
+      selection.options = std::move(richer);
+      selection.score = score;
+    }
+    std::string& list = score.kept ? kept : refused;
+    list += (list.empty() ? "" : ", ") + term.name;
     selection.scores.push_back(score);
   }
-  selection.sentence = "Kept: " + candidates[selection.chosen].name + ".";
-  if (!refused.empty()) selection.sentence += " Not supported by the views held out: " + refused + ".";
+  if (!kept.empty()) selection.sentence = "Supported by the views held out: " + kept + ".";
+  if (!refused.empty()) {
+    selection.sentence +=
+        (kept.empty() ? "" : " ") + ("Not supported by the views held out: " + refused) + ".";
+  }
   return selection;
 }
 

@@ -105,6 +105,8 @@ CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, sess
     solve_options.robot_sigma_rad = cell.arm.accuracy_rad;
     solve_options.given_intrinsics = options.given_intrinsics;
     solve_options.depth_sensors = depthSensors(cell);
+    solve_options.arm = cell.arm;
+    solve_options.workspace = cell.limits.workspace;
     result = solve(cell.board, run.observations(), solve_options);
   }
   result.missing.insert(result.missing.begin(), missing.begin(), missing.end());

@@ -173,6 +173,8 @@ CalibrationResult solveRecorded(const session::Session& recorded, const SolveOve
   options.robot_sigma_m = cell.arm.accuracy_m;
   options.robot_sigma_rad = cell.arm.accuracy_rad;
   options.depth_sensors = depthSensors(cell);
+  options.arm = cell.arm;
+  options.workspace = cell.limits.workspace;
   return solve(recorded.board(), observations, options);
 }
 

@@ -7,6 +7,7 @@
 #include <set>
 #include <string>
 
+#include "joint.h"
 #include "servocal/calib/board_pose.h"
 #include "servocal/calib/camera_pair.h"
 #include "servocal/calib/depth_distortion.h"
@@ -190,6 +191,9 @@ CalibrationResult solve(const BoardSpec& board, const std::vector<Observation>& 
       result.missing.push_back("pose of " + second.camera + " in " + first.camera + ": " + calib::toString(pair.status));
     }
   }
+  JointAnswer joint = solveJointly(board, observations, kept, options);
+  result.joint = std::move(joint.result);
+  result.joint_problem = std::move(joint.problem);
   result.goal_met = result.missing.empty();
   return result;
 }

@@ -173,6 +173,62 @@ std::string infraredText(const CameraResult& camera) {
   return text;
 }
 
+/// Of all cameras of the joint estimate.
+Mount mountOf(const CalibrationResult& result) {
+  for (const CameraResult& camera : result.cameras) {
+    if (camera.hand_eye) return camera.hand_eye->mount;
+  }
+  return Mount::kFixed;
+}
+
+std::string jointCameraText(const JointCameraResult& camera, Mount mount) {
+  const bool fixed = mount == Mount::kFixed;
+  std::string text = format("  %s %s, %d views, corner noise %.2f times what the detector claims\n",
+                            camera.camera.c_str(), toString(camera.stream), camera.views, camera.corner_scale);
+  const auto& names = parameterNames(camera.model.lens);
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const auto at = static_cast<Eigen::Index>(i);
+    const char* pattern = i < 4 ? "    %-3s %11.3f +- %.3f px" : "    %-3s %11.5f +- %.5f";
+    const char* held = i < 4 ? "    %-3s %11.3f px, held" : "    %-3s %11.5f held";
+    text += camera.sigma[at] == 0 ? format(held, names[i].c_str(), camera.model.parameters[at])
+                                  : format(pattern, names[i].c_str(), camera.model.parameters[at], camera.sigma[at]);
+    if (i % 2 == 1 || i + 1 == names.size()) text += '\n';
+  }
+  text += poseText(fixed ? (camera.stream == Stream::kColor ? "camera in base (bMc)" : "infrared in base (bMi)")
+                         : (camera.stream == Stream::kColor ? "camera on flange (eMc)" : "infrared on flange (eMi)"),
+                   camera.pose, camera.pose_covariance.diagonal().cwiseSqrt());
+  return text + format("    projection good to %.2f px at %.2f m and %.2f px at infinity, one sigma, worst place of the "
+                       "image\n    a point of the workspace good to %.2f mm in the mean, %.2f mm at worst "
+                       "(%d of %zu places are seen)\n",
+                       camera.at_range.worst_px, camera.range_m, camera.at_infinity.worst_px,
+                       camera.workspace.rms_m * 1e3, camera.workspace.worst_m * 1e3, camera.workspace.seen,
+                       camera.workspace.sigma_m.size());
+}
+
+std::string jointText(const JointResult& joint, Mount mount) {
+  std::string text = "Joint estimate: all cameras, board and robot at once\n";
+  for (const JointCameraResult& camera : joint.cameras) text += jointCameraText(camera, mount);
+  text += poseText(mount == Mount::kFixed ? "board on flange (eMo)" : "board in base (bMo)", joint.board_pose,
+                   joint.board_sigma);
+  text += format("  Board: print %.3f %% (x) and %.3f %% (y) of its stated size, bowed by %.2f mm and %.2f mm\n",
+                 joint.board_scale_x * 100, joint.board_scale_y * 100, joint.board_bow_x_m * 1e3,
+                 joint.board_bow_y_m * 1e3);
+  text += format("  Robot noise per axis and stop: found %.3f mm and %.4f deg, declared %.3f mm and %.4f deg\n",
+                 joint.robot_sigma_m * 1e3, joint.robot_sigma_rad * kRadToDeg, joint.declared_sigma_m * 1e3,
+                 joint.declared_sigma_rad * kRadToDeg);
+  for (const auto& [name, value] : joint.robot_terms) text += format("    %-28s %10.6f\n", name.c_str(), value);
+  if (joint.held_out) {
+    text += format("  Views that the solve did not see: %d, off by %.3f px and %.2f mm RMS, the robot's error included; "
+                   "%.2f times what is\n    claimed (1: the claims hold)\n",
+                   joint.held_out->views, joint.held_out->rms_px, joint.held_out->rms_m * 1e3, joint.held_out->z);
+  }
+  if (!joint.model.empty()) text += "  " + joint.model + "\n";
+  for (const std::string& fault : joint.faults) text += "  Fault: " + fault + "\n";
+  for (const std::string& open : joint.open) text += "  Open: " + open + "\n";
+  for (const std::string& note : joint.notes) text += "  Note: " + note + "\n";
+  return text;
+}
+
 }  // namespace
 
 std::string line(const Event& event) {
@@ -216,6 +272,8 @@ std::string summary(const CalibrationResult& result) {
             format("    %s views, residual %.3f px RMS\n", usedOfFound(pair.views).c_str(), pair.rms_px) +
             rejectedText(pair.views);
   }
+  if (result.joint) text += jointText(*result.joint, mountOf(result));
+  if (!result.joint_problem.empty()) text += "Joint estimate: none. " + result.joint_problem + "\n";
   text += format("%d observations", result.observations);
   if (result.motion_time_s > 0) {
     text += format("; first to last motion %.1f s, of which tilt search %.1f s", result.motion_time_s,

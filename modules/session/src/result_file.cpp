@@ -1,26 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include <nlohmann/json.hpp>
 #include <stdexcept>
 
 #include "durable_file.h"
 #include "result_keys.h"
+#include "result_tree.h"
 #include "servocal/session/session.h"
 #include "yaml_text.h"
 
 namespace servocal::session {
 namespace {
-
-using Json = nlohmann::ordered_json;
-
-Json list(const Eigen::VectorXd& values) {
-  return std::vector<double>(values.data(), values.data() + values.size());
-}
-
-Json matrix(const Eigen::MatrixXd& values) {
-  Json rows = Json::array();
-  for (Eigen::Index row = 0; row < values.rows(); ++row) rows.push_back(list(values.row(row).transpose()));
-  return rows;
-}
 
 Json boardTree(const BoardSpec& board) {
   Json tree;
@@ -47,24 +35,6 @@ int usedViews(const std::vector<ViewResidual>& views) {
   return used;
 }
 
-/// The model and, if there are some, the standard deviations of its parameters.
-Json cameraModelTree(const CameraModel& camera, const Eigen::VectorXd& sigma) {
-  const std::vector<std::string>& names = parameterNames(camera.lens);
-  Json tree = {
-      {"lens_model", toString(camera.lens)}, {"width_px", camera.width_px}, {"height_px", camera.height_px}};
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    const auto index = static_cast<Eigen::Index>(i);
-    Json entry = {{"value", camera.parameters[index]}};
-    if (sigma.size() > 0) entry["sigma"] = sigma[index];
-    tree["parameters"][withUnit(names[i])] = entry;
-  }
-  Eigen::Matrix3d k;
-  k << camera.fx(), 0, camera.cx(), 0, camera.fy(), camera.cy(), 0, 0, 1;
-  tree["camera_matrix_px"] = matrix(k);
-  tree["distortion_coefficients"] = list(camera.parameters.tail(camera.parameters.size() - 4));
-  return tree;
-}
-
 Json intrinsicsTree(const IntrinsicsResult& intrinsics) {
   const bool solved = intrinsics.sigma.size() == intrinsics.camera.parameters.size();
   Json tree = {{"source", solved ? "solved" : "given"}};
@@ -76,20 +46,6 @@ Json intrinsicsTree(const IntrinsicsResult& intrinsics) {
   if (intrinsics.covariance.size() > 0) tree["covariance"] = matrix(intrinsics.covariance);
   tree["views"] = viewsTree(intrinsics.views);
   return tree;
-}
-
-Json poseTree(const PoseNames& names, const Eigen::Isometry3d& pose,
-              const Eigen::Matrix<double, 6, 1>& sigma) {
-  const Eigen::Quaterniond q(pose.rotation());
-  const double sign = q.w() < 0.0 ? -1.0 : 1.0;  // of q and -q, the one with w >= 0
-  return {{"name", names.name},
-          {"parent_frame", names.parent},
-          {"child_frame", names.child},
-          {"translation_m", list(pose.translation())},
-          {"translation_sigma_m", list(sigma.head<3>())},
-          {"quaternion_xyzw", {sign * q.x(), sign * q.y(), sign * q.z(), sign * q.w()}},
-          {"rotation_sigma_deg", list(sigma.tail<3>() * kDegPerRad)},
-          {"matrix", matrix(pose.matrix())}};
 }
 
 Json handEyeTree(const HandEyeSolution& solution, const std::string& camera, Stream stream) {
@@ -120,6 +76,7 @@ Json coverageTree(const CoverageSummary& coverage) {
                {"tilt_bins", Json::array()}};
   for (const auto& [bin, views] : coverage.tilt_bins)
     tree["tilt_bins"].push_back({{"bin", bin}, {"views", views}});
+  tree["out_of_reach"] = coverage.out_of_reach;
   return tree;
 }
 
@@ -223,6 +180,8 @@ Json resultTree(const CalibrationResult& result) {
   for (const CameraResult& camera : result.cameras) tree["cameras"].push_back(cameraTree(camera));
   for (const CameraPair& pair : result.camera_pairs)
     tree["camera_pairs"].push_back(pairTree(pair, cameraPairNames(pair.first, pair.second)));
+  if (result.joint) tree["joint"] = jointTree(*result.joint, jointMount(result));
+  if (!result.joint_problem.empty()) tree["joint_problem"] = result.joint_problem;
   return tree;
 }
 

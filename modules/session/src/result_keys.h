@@ -10,7 +10,8 @@
 
 namespace servocal::session {
 
-constexpr int kResultSchemaVersion = 2;
+constexpr int kResultSchemaVersion = 3;
+constexpr int kOldestReadSchemaVersion = 2;  ///< Lacks `joint`, `joint_problem` and `out_of_reach`.
 constexpr double kDegPerRad = 180.0 / 3.14159265358979323846;
 
 /// "fx" -> "fx_px"; distortion coefficients have no unit.
@@ -30,6 +31,13 @@ inline PoseNames cameraPoseNames(Mount mount, const std::string& camera, Stream 
   const bool fixed = mount == Mount::kFixed;
   return {std::string(fixed ? "bM" : "eM") + (stream == Stream::kColor ? "c" : "i"),
           fixed ? "base" : "end_effector", camera + "_" + toString(stream)};
+}
+/// Of all cameras of the joint estimate: that of the hand-eye, without which there is none.
+inline Mount jointMount(const CalibrationResult& result) {
+  for (const CameraResult& camera : result.cameras) {
+    if (camera.hand_eye) return camera.hand_eye->mount;
+  }
+  return Mount::kFixed;
 }
 inline PoseNames boardPoseNames(Mount mount) {
   if (mount == Mount::kFixed) return {"eMo", "end_effector", "board"};

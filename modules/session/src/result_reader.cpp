@@ -1,41 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include <cmath>
-
-#include "result_keys.h"
-#include "servocal/core/config_reader.h"
+#include "result_parts.h"
 #include "servocal/core/error.h"
 #include "servocal/session/session.h"
 
 namespace servocal::session {
 namespace {
 
-/// A number that is not finite is null in the file; what it was is not kept.
-const Range kNumber{Range{}.min, Range{}.max, /*null_is_nan=*/true};
-constexpr Range kCount{0, 2147483647};
-
-/// Radians that saveResult writes as these degrees: the quotient, or a neighbor of it.
-double radians(double deg) {
-  const double quotient = deg / kDegPerRad;
-  double below = quotient, above = quotient;
-  for (int step = 0; step < 3; ++step) {
-    if (below * kDegPerRad == deg) return below;
-    if (above * kDegPerRad == deg) return above;
-    below = std::nextafter(below, -INFINITY);
-    above = std::nextafter(above, INFINITY);
-  }
-  return quotient;
-}
-
-bool same(double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); }
-
 bool demandedBoolean(const ConfigReader& tree, const char* key) {
   if (!tree.has(key)) tree.fail(key, std::string("missing key '") + key + "'");
   return tree.boolean(key, false);
-}
-
-Eigen::VectorXd vectorOf(const ConfigReader& tree, const char* key, std::size_t size = 0) {
-  const std::vector<double> values = tree.numbers(key, size, kNumber);
-  return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
 }
 
 std::vector<ViewResidual> readViews(const ConfigReader& tree) {
@@ -65,44 +38,6 @@ std::vector<ViewResidual> readViews(const ConfigReader& tree) {
   return views;
 }
 
-struct ReadModel {
-  CameraModel camera;
-  Eigen::VectorXd sigma;
-};
-
-ReadModel readModel(const ConfigReader& tree, bool with_sigma) {
-  ReadModel read;
-  CameraModel& camera = read.camera;
-  const std::vector<LensModel> lenses = {LensModel::kPlumbBob, LensModel::kRational};
-  camera.lens = lenses[tree.choice("lens_model", {toString(lenses[0]), toString(lenses[1])})];
-  camera.width_px = tree.integer("width_px", {1, 1000000});
-  camera.height_px = tree.integer("height_px", {1, 1000000});
-  const std::vector<std::string>& names = parameterNames(camera.lens);
-  camera.parameters.resize(static_cast<Eigen::Index>(names.size()));
-  if (with_sigma) read.sigma.resize(camera.parameters.size());
-  const ConfigReader parameters = tree.section("parameters");
-  // All asked for before any is demanded: a missing p1 is not a misspelled p2.
-  for (const std::string& name : names) parameters.has(withUnit(name));
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    const auto index = static_cast<Eigen::Index>(i);
-    const ConfigReader entry = parameters.section(withUnit(names[i]));
-    camera.parameters[index] = entry.number("value", {});
-    if (with_sigma) read.sigma[index] = entry.number("sigma", kNumber);
-    entry.finish();
-  }
-  parameters.finish();
-  const Eigen::Matrix3d k = tree.matrix("camera_matrix_px", 3, 3, {});
-  if (k(0, 0) != camera.fx() || k(1, 1) != camera.fy() || k(0, 2) != camera.cx() || k(1, 2) != camera.cy()) {
-    tree.fail("camera_matrix_px", "'camera_matrix_px' contradicts 'parameters'");
-  }
-  const Eigen::Index coefficients = camera.parameters.size() - 4;
-  const Eigen::VectorXd d = vectorOf(tree, "distortion_coefficients", static_cast<std::size_t>(coefficients));
-  if (d != camera.parameters.tail(coefficients)) {
-    tree.fail("distortion_coefficients", "'distortion_coefficients' contradicts 'parameters'");
-  }
-  return read;
-}
-
 /// Leaves the tree open: the caller may know one key more ("with_outliers") and finishes it.
 IntrinsicsResult readIntrinsicsTree(const ConfigReader& tree) {
   IntrinsicsResult intrinsics;
@@ -119,34 +54,6 @@ IntrinsicsResult readIntrinsicsTree(const ConfigReader& tree) {
   }
   intrinsics.views = readViews(tree);
   return intrinsics;
-}
-
-struct ReadPose {
-  Eigen::Isometry3d pose;
-  Eigen::Matrix<double, 6, 1> sigma;
-};
-
-ReadPose readPose(const ConfigReader& tree, const PoseNames& names) {
-  const std::pair<const char*, std::string> expected[] = {
-      {"name", names.name}, {"parent_frame", names.parent}, {"child_frame", names.child}};
-  for (const auto& [key, value] : expected) tree.choice(key, {value});
-  ReadPose read;
-  read.pose.matrix() = tree.matrix("matrix", 4, 4, kNumber);
-  const Eigen::VectorXd translation = vectorOf(tree, "translation_m", 3);
-  for (int i = 0; i < 3; ++i) {
-    if (!same(translation[i], read.pose.translation()[i]))
-      tree.fail("matrix", "'matrix' contradicts 'translation_m'");
-  }
-  const Eigen::Vector4d q = vectorOf(tree, "quaternion_xyzw", 4);
-  if (read.pose.matrix().allFinite()) {
-    const Eigen::Matrix3d rotation = Eigen::Quaterniond(q).toRotationMatrix();
-    if (!((rotation - read.pose.linear()).norm() < 1e-9))
-      tree.fail("matrix", "'matrix' contradicts 'quaternion_xyzw'");
-  }
-  read.sigma.head<3>() = vectorOf(tree, "translation_sigma_m", 3);
-  read.sigma.tail<3>() = vectorOf(tree, "rotation_sigma_deg", 3).unaryExpr(&radians);
-  tree.finish();
-  return read;
 }
 
 /// Leaves the tree open, as readIntrinsicsTree.
@@ -194,6 +101,7 @@ CoverageSummary readCoverage(const ConfigReader& tree) {
     coverage.tilt_bins.emplace_back(bin.text("bin"), bin.integer("views", kCount));
     bin.finish();
   }
+  if (tree.has("out_of_reach")) coverage.out_of_reach = tree.texts("out_of_reach");
   tree.finish();
   return coverage;
 }
@@ -345,8 +253,9 @@ std::string cameraOf(const ConfigReader& pose, const char* key) {
 CalibrationResult readResult(const ConfigReader& tree) {
   CalibrationResult result;
   const int version = tree.integer("schema_version", {});
-  if (version != kResultSchemaVersion) {
+  if (version < kOldestReadSchemaVersion || version > kResultSchemaVersion) {
     tree.fail("schema_version", "'schema_version' is " + std::to_string(version) + ", this program reads " +
+                                    std::to_string(kOldestReadSchemaVersion) + " to " +
                                     std::to_string(kResultSchemaVersion) +
                                     "; solve the session again with servocal-solve");
   }
@@ -365,6 +274,8 @@ CalibrationResult readResult(const ConfigReader& tree) {
       result.camera_pairs.push_back(readPair(pair, first, second, cameraPairNames(first, second)));
     }
   }
+  if (const auto section = tree.optionalSection("joint")) result.joint = readJoint(*section, jointMount(result));
+  result.joint_problem = tree.text("joint_problem", "");
   tree.finish();
   return result;
 }

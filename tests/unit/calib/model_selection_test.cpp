@@ -10,20 +10,20 @@
 namespace servocal::calib {
 namespace {
 
-/// A flat board and a lens without k3; then a bowed one; then with k3.
-std::vector<ModelCandidate> candidates() {
-  ModelCandidate lean{"flat board, lens to k2", {}};
-  lean.options.board.bow = false;
-  lean.options.streams.emplace_back();
-  lean.options.streams.back().camera = "k1";
-  lean.options.streams.back().fixed = {"k3"};
-  ModelCandidate bowed = lean;
-  bowed.name = "bowed board";
-  bowed.options.board.bow = true;
-  ModelCandidate both = bowed;
-  both.name = "k3";
-  both.options.streams.back().fixed.clear();
-  return {lean, bowed, both};
+/// A flat board and a lens without k3,
+JointOptions lean() {
+  JointOptions options;
+  options.board.bow = false;
+  options.streams.emplace_back();
+  options.streams.back().camera = "k1";
+  options.streams.back().fixed = {"k3"};
+  return options;
+}
+
+/// and what may be added.
+std::vector<ModelTerm> terms() {
+  return {{"bow", [](JointOptions& options) { options.board.bow = true; }},
+          {"k3", [](JointOptions& options) { options.streams.back().fixed.clear(); }}};
 }
 
 ModelSelection select(double bow_m, double k3) {
@@ -33,7 +33,7 @@ ModelSelection select(double bow_m, double k3) {
   std::mt19937_64 random(3);
   const auto stops = test::randomStops(cell, 60, random);
   const auto observations = test::observeAll(cell, stops, {0.2, 1e-4, 2.5e-4}, random);
-  const auto selection = selectModel(cell.board, observations, candidates());
+  const auto selection = selectModel(cell.board, observations, lean(), terms());
   EXPECT_TRUE(selection.has_value());
   if (!selection) return {};
   for (const ModelScore& score : selection->scores) {
@@ -46,20 +46,22 @@ ModelSelection select(double bow_m, double k3) {
 }
 
 TEST(SelectModel, KeepsWhatTheDataSupportAndNothingElse) {
-  EXPECT_EQ(select(0.0, 0.0).chosen, 0u);
+  const ModelSelection neither = select(0.0, 0.0);
+  EXPECT_FALSE(neither.options.board.bow);
+  EXPECT_EQ(neither.options.streams.back().fixed, std::vector<std::string>{"k3"});
   const ModelSelection bowed = select(6e-4, 0.0);
-  EXPECT_EQ(bowed.chosen, 1u);
-  EXPECT_FALSE(bowed.scores[2].kept);
+  EXPECT_TRUE(bowed.options.board.bow);
+  EXPECT_EQ(bowed.options.streams.back().fixed, std::vector<std::string>{"k3"});
+  EXPECT_EQ(bowed.sentence, "Supported by the views held out: bow. Not supported by the views held out: k3.");
   const ModelSelection lens = select(0.0, 0.35);
-  EXPECT_EQ(lens.chosen, 2u);
-  EXPECT_FALSE(lens.scores[1].kept);
-  EXPECT_GT(lens.scores[0].rms_px, lens.scores[2].rms_px);
+  EXPECT_FALSE(lens.options.board.bow);
+  EXPECT_TRUE(lens.options.streams.back().fixed.empty());
+  EXPECT_GT(lens.scores[0].rms_px, lens.score.rms_px);
 }
 
 TEST(SelectModel, ThrowsOnACallersMistakes) {
-  EXPECT_THROW((void)selectModel(BoardSpec{}, {}, {}), std::invalid_argument);
-  EXPECT_THROW((void)selectModel(BoardSpec{}, {}, candidates(), 1), std::invalid_argument);
-  EXPECT_FALSE(selectModel(BoardSpec{}, {}, candidates()).has_value());
+  EXPECT_THROW((void)selectModel(BoardSpec{}, {}, lean(), terms(), 1), std::invalid_argument);
+  EXPECT_FALSE(selectModel(BoardSpec{}, {}, lean(), terms()).has_value());
 }
 
 }  // namespace

@@ -50,7 +50,7 @@ TEST(ResultFile, JsonSaysEverythingExactly) {
   const test::TemporaryFolder folder;
   saveResult(folder / "new/result.json", exampleResult());
   const auto tree = nlohmann::json::parse(slurp(folder / "new/result.json"));
-  EXPECT_EQ(tree["schema_version"], 2);
+  EXPECT_EQ(tree["schema_version"], 3);
   EXPECT_EQ(tree["goal_met"], false);
   const auto& camera = tree["cameras"][0];
   EXPECT_EQ(camera["intrinsics"]["parameters"]["fy_px"]["value"].get<double>(), 3200.0 / 3);

@@ -105,9 +105,9 @@ TEST_F(ResultReader, EveryFieldComesBack) {
   };
   const auto expectCoverage = [](const CoverageSummary& a, const CoverageSummary& b) {
     EXPECT_EQ(std::tie(a.cells_x, a.cells_y, a.corners_per_cell, a.unreachable, a.corners_to_fill,
-                       a.near_views, a.far_views, a.tilt_bins),
+                       a.near_views, a.far_views, a.tilt_bins, a.out_of_reach),
               std::tie(b.cells_x, b.cells_y, b.corners_per_cell, b.unreachable, b.corners_to_fill,
-                       b.near_views, b.far_views, b.tilt_bins));
+                       b.near_views, b.far_views, b.tilt_bins, b.out_of_reach));
   };
   ASSERT_EQ(back.cameras.size(), result_.cameras.size());
   for (std::size_t i = 0; i < back.cameras.size(); ++i) {
@@ -160,6 +160,62 @@ TEST_F(ResultReader, EveryFieldComesBack) {
   }
 }
 
+TEST_F(ResultReader, EveryFieldOfTheJointEstimateComesBack) {
+  saveResult(folder_ / "result.yaml", result_);
+  const CalibrationResult read = loadResult(folder_ / "result.yaml");
+  EXPECT_EQ(read.joint_problem, result_.joint_problem);
+  const JointResult &back = read.joint.value(), &joint = *result_.joint;
+  const auto expectProjection = [](const ProjectionMap& a, const ProjectionMap& b) {
+    EXPECT_EQ(std::tie(a.cells_x, a.cells_y, a.sigma_px, a.worst_px, a.rms_px),
+              std::tie(b.cells_x, b.cells_y, b.sigma_px, b.worst_px, b.rms_px));
+  };
+  ASSERT_EQ(back.cameras.size(), joint.cameras.size());
+  for (std::size_t i = 0; i < joint.cameras.size(); ++i) {
+    const JointCameraResult &a = back.cameras[i], &b = joint.cameras[i];
+    EXPECT_EQ(std::tie(a.camera, a.stream, a.rms_px, a.corner_scale, a.views, a.range_m),
+              std::tie(b.camera, b.stream, b.rms_px, b.corner_scale, b.views, b.range_m));
+    EXPECT_EQ(a.model.parameters, b.model.parameters);
+    EXPECT_EQ(a.sigma, b.sigma);
+    EXPECT_EQ(a.pose.matrix(), b.pose.matrix());
+    EXPECT_EQ(a.pose_covariance, b.pose_covariance);
+    expectProjection(a.at_infinity, b.at_infinity);
+    expectProjection(a.at_range, b.at_range);
+    const WorkspaceMap &map = a.workspace, &other = b.workspace;
+    EXPECT_EQ(std::tie(map.cells_x, map.cells_y, map.cells_z, map.sigma_m, map.worst_m, map.rms_m, map.seen),
+              std::tie(other.cells_x, other.cells_y, other.cells_z, other.sigma_m, other.worst_m, other.rms_m,
+                       other.seen));
+  }
+  EXPECT_EQ(back.board_pose.matrix(), joint.board_pose.matrix());
+  EXPECT_EQ(back.board_sigma.head<3>(), joint.board_sigma.head<3>());
+  for (int i = 3; i < 6; ++i) EXPECT_DOUBLE_EQ(back.board_sigma[i], joint.board_sigma[i]);
+  EXPECT_EQ(std::tie(back.board_scale_x, back.board_scale_y, back.board_bow_x_m, back.board_bow_y_m,
+                     back.robot_sigma_m, back.declared_sigma_m, back.robot_terms, back.model, back.open,
+                     back.faults, back.notes),
+            std::tie(joint.board_scale_x, joint.board_scale_y, joint.board_bow_x_m, joint.board_bow_y_m,
+                     joint.robot_sigma_m, joint.declared_sigma_m, joint.robot_terms, joint.model, joint.open,
+                     joint.faults, joint.notes));
+  EXPECT_DOUBLE_EQ(back.robot_sigma_rad, joint.robot_sigma_rad);
+  EXPECT_DOUBLE_EQ(back.declared_sigma_rad, joint.declared_sigma_rad);
+  const JointHeldOut &held = back.held_out.value(), &out = *joint.held_out;
+  EXPECT_EQ(std::tie(held.views, held.rms_px, held.rms_m, held.z), std::tie(out.views, out.rms_px, out.rms_m, out.z));
+}
+
+// Files of the version before the joint estimate.
+TEST_F(ResultReader, ReadsSchemaTwo) {
+  Json old = Json::parse(resultJson(result_));
+  old["schema_version"] = 2;
+  old.erase("joint");
+  old.erase("joint_problem");
+  for (Json& camera : old["cameras"]) {
+    camera["coverage"].erase("out_of_reach");
+    camera["infrared_coverage"].erase("out_of_reach");
+  }
+  const CalibrationResult back = loadResult(folder_.write("old.json", old.dump()));
+  EXPECT_EQ(back.cameras.size(), result_.cameras.size());
+  EXPECT_FALSE(back.joint.has_value());
+  EXPECT_TRUE(back.cameras[0].coverage->out_of_reach.empty());
+}
+
 TEST_F(ResultReader, WhatIsAbsentOrNotFiniteStaysSo) {
   CalibrationResult small = result_;
   small.cameras.resize(1);
@@ -187,7 +243,8 @@ TEST_F(ResultReader, EveryMissingKeyIsNamed) {
   const std::set<std::string> optional = {
       "camera_pairs",      "with_outliers",     "hand_eye",       "board_scale",     "coverage",
       "tilt_limits",       "infrared",          "depth",          "covariance",      "color_infrared",
-      "infrared_hand_eye", "infrared_coverage", "combined_views", "affine_baseline", "time_offset_s", "held_out"};
+      "infrared_hand_eye", "infrared_coverage", "combined_views", "affine_baseline", "time_offset_s", "held_out",
+      "joint",             "joint_problem",     "out_of_reach"};
   int removed = 0;
   const std::function<void(const Json&, const Json::json_pointer&)> visit =
       [&](const Json& node, const Json::json_pointer& at) {
@@ -220,7 +277,7 @@ TEST_F(ResultReader, ContradictionsAndStrangersAreRefused) {
     changed[Json::json_pointer(where)] = value;
     test::expectPart(refusal(changed), part);
   };
-  expectRefusal("/schema_version", 1, "'schema_version' is 1, this program reads 2; solve the session again");
+  expectRefusal("/schema_version", 1, "'schema_version' is 1, this program reads 2 to 3; solve the session again");
   expectRefusal("/cameras/0/colour", 1, "unknown key 'colour'");
   expectRefusal("/cameras/0/intrinsics/views_used", 3, "'views_used' contradicts 'views', of which 2");
   expectRefusal("/cameras/0/intrinsics/parameters/fx_px/value", 1.0,
@@ -235,6 +292,10 @@ TEST_F(ResultReader, ContradictionsAndStrangersAreRefused) {
   expectRefusal("/cameras/0/hand_eye/mount", "flange", "allowed: eMc");
   expectRefusal("/cameras/0/depth/nodes", {1, 2, 3}, "'nodes' must be a list of 6 numbers");
   expectRefusal("/camera_pairs/0/pose/child_frame", "left", "'child_frame' is 'left'");
+  expectRefusal("/joint/cameras/0/at_range/sigma_px", {1, 2}, "'sigma_px' must be a list of 6 numbers");
+  expectRefusal("/joint/cameras/0/workspace/cells_z", 4, "'sigma_m' must be a list of 16 numbers");
+  expectRefusal("/joint/cameras/0/pose/name", "eMc", "allowed: bMc");
+  expectRefusal("/joint/colour", 1, "unknown key 'colour'");
   expectRefusal("/goal_met", "perhaps", "'goal_met' must be true or false");
   test::expectPart(test::messageOf(ErrorKind::kBadData, [&] { loadResult(folder_ / "none.yaml"); }),
                    "none.yaml': there is no such file");

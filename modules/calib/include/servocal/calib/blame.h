@@ -41,10 +41,11 @@ struct Blame {
 /// Who is to blame for the residuals of a joint solution.
 ///
 /// Noise is compared with what was declared (twice it, and significant), the board's size and bow with their
-/// standard deviations (five, and 0.3 % or 0.3 mm). A camera that was moved or a board that slipped during
-/// the run shows as a step: for every stop, every camera and the board, the score test of one pose before and
-/// another from that stop on, all else free. What explains most is named; the others then are judged beside
-/// it no more, since one step bends everything.
+/// standard deviations (five, and 0.3 % or 0.3 mm). A camera that was moved (all its streams together) or a
+/// board that slipped during the run shows as a step: for every stop, every camera and the board, the score
+/// test of one pose before and another from that stop on, all else free, beyond what the arm's declared
+/// accuracy can make look like one. What explains most is named; the others then are judged beside it no more,
+/// since one step bends everything.
 ///
 /// `observations` are those the solution was made from.
 ///

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -10,17 +11,19 @@
 
 namespace servocal::calib {
 
-/// One way to describe the cell: which lens, which terms fixed, board or robot free in what.
-struct ModelCandidate {
-  std::string name;  ///< "lens with k3", "bowed board", "arm's geometry"; for people.
-  JointOptions options;
+/// Something that the description of a cell may have or not: a lens term, a bowed board, errors of the arm.
+struct ModelTerm {
+  std::string name;                          ///< "bow of the board"; for people.
+  std::function<void(JointOptions&)> allow;  ///< Frees it.
 };
 
-/// How a candidate predicts views it was not fitted to.
+/// How a description predicts views it was not fitted to.
 struct ModelScore {
   std::string name;
   bool solved = false;      ///< In every block; the rest is meaningless otherwise.
+  int views = 0;            ///< Held out once each.
   double rms_px = 0.0;      ///< Of the held-out views, robot believed.
+  double rms_m = 0.0;       ///< As HeldOut::rms_m.
   double z = 0.0;           ///< HeldOut::z over all blocks.
   double gain = 0.0;        ///< Log density of the held-out views over that of the model kept before it.
   double gain_sigma = 0.0;  ///< Standard deviation of the gain, by the scatter of the stops.
@@ -28,24 +31,25 @@ struct ModelScore {
 };
 
 struct ModelSelection {
-  std::size_t chosen = 0;  ///< Index into the candidates.
-  std::vector<ModelScore> scores;
-  std::string sentence;  ///< What was kept and what the data do not support.
+  JointOptions options;            ///< The base with all terms that are kept.
+  ModelScore score;                ///< Of these.
+  std::vector<ModelScore> scores;  ///< The base, then each term beside what was kept before it.
+  std::string sentence;            ///< What was kept and what the data do not support.
 };
 
-/// Chooses among candidates from lean to rich: the first is the base, each further one is kept, and becomes
-/// what the next is compared with, if the views it was not fitted to are the more probable by twice the
-/// standard deviation of the difference. The probability counts corner noise, robot noise and the model's own
-/// covariance.
+/// Adds terms to a base, one after the other: each is kept, and becomes part of what the next is compared
+/// with, if the views that were not fitted are the more probable by twice the standard deviation of the
+/// difference. The probability counts corner noise, robot noise and the model's own covariance.
 ///
 /// Cross-validation by blocks of consecutive stops (by id): neighbors in time look alike, and one in the
-/// fitted set would tell too much about another held out. Each candidate is solved once per block.
+/// fitted set would tell too much about another held out. Each description is solved once per block.
 ///
-/// Nothing if the first candidate is not solved in every block.
+/// Nothing if the base is not solved in every block.
 ///
-/// @throws std::invalid_argument if there is no candidate or fewer than two blocks.
+/// @throws std::invalid_argument for fewer than two blocks.
 std::optional<ModelSelection> selectModel(const BoardSpec& board,
                                           const std::vector<Observation>& observations,
-                                          const std::vector<ModelCandidate>& candidates, int blocks = 5);
+                                          const JointOptions& base, const std::vector<ModelTerm>& terms,
+                                          int blocks = 5);
 
 }  // namespace servocal::calib

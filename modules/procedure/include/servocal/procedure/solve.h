@@ -2,6 +2,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -29,6 +30,8 @@ struct SolveOptions {
   double robot_sigma_rad = 0.0005;
   GivenIntrinsics given_intrinsics;
   std::map<std::string, DepthSensor> depth_sensors;  ///< By camera; depth is solved for these.
+  std::optional<ArmConfig> arm;    ///< Its kinematics: the joint estimate may correct its geometry.
+  std::optional<Box> workspace;    ///< Where the joint estimate maps the error of points; nothing: where the board was.
   std::string poses_from = "the robot poses";   ///< What robot poses are called in messages.
   std::vector<calib::RobotReading> readings;    ///< Tried to explain a contradiction; see explainContradiction.
   bool refuse_contradictions = false;           ///< Throw where robot and images contradict each other.
@@ -43,7 +46,8 @@ std::map<std::string, DepthSensor> depthSensors(const CellConfig& cell);
 /// Solves a set of observations, live or recorded: for every camera that occurs in them, Zhang's
 /// intrinsics of color and of infrared, then, where there are robot poses, the hand-eye; the pose between
 /// color and infrared and the depth correction; and the poses of the other cameras in the first. What cannot be determined is missing from the result and named in CalibrationResult::missing;
-/// goal_met says whether nothing is. An observation without any view (no board in its image) is listed among
+/// goal_met says whether nothing is. Where there are robot poses, the joint estimate of the whole cell stands beside it
+/// (CalibrationResult::joint); goal_met does not ask it. An observation without any view (no board in its image) is listed among
 /// the views that were not used. Where views were left out, the result with them stands beside
 /// (CameraResult::intrinsics_with_outliers).
 ///

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The joint estimate of a whole cell, beside the one in stages.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "servocal/core/result.h"
+#include "servocal/procedure/solve.h"
+
+namespace servocal::procedure {
+
+struct JointAnswer {
+  std::optional<JointResult> result;
+  std::string problem;  ///< Why there is none, a sentence; empty too if there are no robot poses.
+};
+
+/// Everything at once: which lens terms, whether a bow of the board and errors of the arm's geometry by
+/// cross-validation (calib::selectModel), then calib::solveJoint, the maps, who is to blame for what does not
+/// fit, and the error in `kept`, which only this looks at. Without any of `kept` that error is that of the
+/// cross-validation. Never throws for what the data are.
+JointAnswer solveJointly(const BoardSpec& board, const std::vector<Observation>& observations,
+                         const std::vector<Observation>& kept, const SolveOptions& options);
+
+}  // namespace servocal::procedure

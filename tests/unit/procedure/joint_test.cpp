@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "joint.h"
+
+#include <gtest/gtest.h>
+
+#include <iostream>
+
+#include "joint_arm.h"
+#include "joint_scene.h"
+#include "servocal/robot/kinematics.h"
+
+namespace servocal::procedure {
+namespace {
+
+const test::Noise kNoise{0.2, 1e-4, 2.5e-4};
+
+struct Recorded {
+  test::Cell cell = test::makeCell(3);
+  std::vector<Observation> observations, kept;
+};
+
+Recorded record(int stops) {
+  Recorded out;
+  std::mt19937_64 random(8);
+  out.observations = test::observeAll(out.cell, test::randomStops(out.cell, stops, random), kNoise, random);
+  out.kept = test::observeAll(out.cell, test::randomStops(out.cell, 12, random), kNoise, random);
+  return out;
+}
+
+SolveOptions declared() {
+  SolveOptions options;
+  options.robot_sigma_m = 3e-4;  // three times what it is
+  options.robot_sigma_rad = 5e-4;
+  options.workspace = Box{"", {0.2, -0.4, 0.2}, {0.9, 0.4, 0.8}};
+  return options;
+}
+
+/// Largest error of a pose in standard deviations.
+double zOf(const JointCameraResult& camera, const Eigen::Isometry3d& truth) {
+  Eigen::Matrix<double, 6, 1> error;
+  error << camera.pose.translation() - truth.translation(),
+      Pose<Base, Base>(Eigen::Matrix3d(camera.pose.linear() * truth.linear().transpose()), {0, 0, 0})
+          .rotationVector();
+  return error.cwiseQuotient(camera.pose_covariance.diagonal().cwiseSqrt()).cwiseAbs().maxCoeff();
+}
+
+TEST(SolveJointly, FindsTheCellAndSaysHowWell) {
+  const Recorded recorded = record(40);
+  const JointAnswer answer =
+      solveJointly(recorded.cell.board, recorded.observations, recorded.kept, declared());
+  ASSERT_TRUE(answer.result) << answer.problem;
+  const JointResult& joint = *answer.result;
+  EXPECT_EQ(answer.problem, "");
+  ASSERT_EQ(joint.cameras.size(), 2u);
+  for (std::size_t k = 0; k < 2; ++k) {
+    const JointCameraResult& camera = joint.cameras[k];
+    EXPECT_EQ(camera.stream, recorded.cell.cameras[k].stream);
+    EXPECT_LT(zOf(camera, recorded.cell.cameras[k].pose), 5.0);
+    EXPECT_GT(camera.views, 15);
+    EXPECT_NEAR(camera.range_m, 0.6, 0.1);
+    EXPECT_GT(camera.at_range.worst_px, camera.at_range.rms_px);
+    EXPECT_LT(camera.at_range.worst_px, 3.0);
+    EXPECT_EQ(camera.at_range.sigma_px.size(), 13u * 9u);
+    EXPECT_GT(camera.workspace.seen, 10);
+    EXPECT_LT(camera.workspace.rms_m, 0.003);
+  }
+  EXPECT_NEAR(joint.robot_sigma_m, kNoise.robot_m, 0.4 * kNoise.robot_m);
+  EXPECT_EQ(joint.declared_sigma_m, 3e-4);
+  EXPECT_TRUE(joint.robot_terms.empty());
+  EXPECT_EQ(joint.board_bow_x_m, 0.0);
+  EXPECT_TRUE(joint.faults.empty()) << joint.faults.front();
+  ASSERT_TRUE(joint.held_out);
+  EXPECT_GE(joint.held_out->views, 12);
+  EXPECT_NEAR(joint.held_out->z, 1.0, 0.25);
+  std::cout << joint.model << '\n';
+}
+
+// Views that are kept from the solver leave it as it is; without them the error is that of a
+// cross-validation.
+TEST(SolveJointly, DoesNotLookAtWhatIsHeldOut) {
+  const Recorded recorded = record(40);
+  const JointAnswer with =
+      solveJointly(recorded.cell.board, recorded.observations, recorded.kept, declared());
+  const JointAnswer without = solveJointly(recorded.cell.board, recorded.observations, {}, declared());
+  ASSERT_TRUE(with.result && without.result);
+  EXPECT_EQ(with.result->cameras[0].pose.matrix(), without.result->cameras[0].pose.matrix());
+  ASSERT_TRUE(without.result->held_out);
+  EXPECT_GT(without.result->held_out->views, 40);
+  EXPECT_NEAR(without.result->held_out->z, 1.0, 0.15);
+  ASSERT_FALSE(without.result->notes.empty());
+  EXPECT_NE(without.result->notes.back().find("cross-validation"), std::string::npos);
+}
+
+TEST(SolveJointly, HoldsGivenIntrinsics) {
+  const Recorded recorded = record(25);
+  SolveOptions options = declared();
+  for (const test::CellCamera& camera : recorded.cell.cameras) {
+    options.given_intrinsics.emplace(std::pair(camera.name, camera.stream), camera.model);
+  }
+  const JointAnswer answer = solveJointly(recorded.cell.board, recorded.observations, {}, options);
+  ASSERT_TRUE(answer.result) << answer.problem;
+  for (std::size_t k = 0; k < 2; ++k) {
+    const JointCameraResult& camera = answer.result->cameras[k];
+    EXPECT_LT((camera.model.parameters - recorded.cell.cameras[k].model.parameters).norm(), 0.01);
+    EXPECT_EQ(camera.sigma.norm(), 0.0);
+    EXPECT_LT(zOf(camera, recorded.cell.cameras[k].pose), 5.0);
+  }
+}
+
+// An arm that is not as its description says: the terms come in, and the cameras are found better for it.
+TEST(SolveJointly, CorrectsTheArmsGeometryWhereTheViewsSupportIt) {
+  const ArmConfig arm;
+  const robot::Kinematics kinematics(arm);
+  const calib::RobotTerms terms = armTerms(arm).value();
+  std::mt19937_64 random(5);
+  std::normal_distribution<double> normal;
+  Eigen::VectorXd truth = terms.prior_sigma;
+  for (double& value : truth) value *= normal(random);
+
+  Recorded recorded;
+  Eigen::VectorXd seed(6);
+  seed << 0.0, -1.5, 1.5, -1.5, -1.5, 0.0;
+  for (test::CellStop& stop : test::randomStops(recorded.cell, 90, random)) {
+    const auto q = kinematics.inverse(stop.bMe, seed);
+    if (!q) continue;
+    RobotState state;
+    state.q = *q;
+    const Eigen::Matrix<double, 6, 1> off = terms.jacobian(state) * truth;
+    const auto error = Pose<EndEffector, EndEffector>::fromRotationVector(off.tail<3>(), off.head<3>());
+    stop = {stop.bMe * error, *q};
+    Observation observation = test::observe(
+        recorded.cell, stop, static_cast<std::int64_t>(recorded.observations.size()), kNoise, random);
+    observation.robot->bMe = observation.robot->bMe * error.inverse();
+    recorded.observations.push_back(observation);
+  }
+  ASSERT_GT(recorded.observations.size(), 40u);
+  SolveOptions options = declared();
+  const JointAnswer plain = solveJointly(recorded.cell.board, recorded.observations, {}, options);
+  options.arm = arm;
+  const JointAnswer corrected = solveJointly(recorded.cell.board, recorded.observations, {}, options);
+  ASSERT_TRUE(plain.result && corrected.result) << plain.problem << corrected.problem;
+  EXPECT_TRUE(plain.result->robot_terms.empty());
+  ASSERT_EQ(corrected.result->robot_terms.size(), terms.names.size()) << corrected.result->model;
+  EXPECT_LT(corrected.result->robot_sigma_m, 0.5 * plain.result->robot_sigma_m);
+  EXPECT_LT(corrected.result->held_out->rms_px, 0.7 * plain.result->held_out->rms_px);
+  EXPECT_LT(zOf(corrected.result->cameras[0], recorded.cell.cameras[0].pose), 5.0);
+  std::cout << recorded.observations.size() << " stops; robot noise " << 1e3 * plain.result->robot_sigma_m
+            << " mm -> " << 1e3 * corrected.result->robot_sigma_m << " mm, held out "
+            << plain.result->held_out->rms_px << " px -> " << corrected.result->held_out->rms_px
+            << " px; " << corrected.result->model << '\n';
+}
+
+TEST(SolveJointly, SaysWhyThereIsNoAnswer) {
+  Recorded recorded = record(25);
+  std::vector<Observation> few(recorded.observations.begin(), recorded.observations.begin() + 2);
+  EXPECT_EQ(solveJointly(recorded.cell.board, few, {}, declared()).problem,
+            calib::toString(calib::JointStatus::kTooFewViews));
+
+  std::vector<Observation> strange = recorded.observations;
+  strange[0].views[0].detection.corners[0].id = 4711;  // not a corner of the board: a caller's mistake
+  const JointAnswer answer = solveJointly(recorded.cell.board, strange, {}, declared());
+  EXPECT_FALSE(answer.result);
+  EXPECT_NE(answer.problem.find("4711"), std::string::npos) << answer.problem;
+
+  for (Observation& observation : recorded.observations) observation.robot.reset();
+  const JointAnswer images = solveJointly(recorded.cell.board, recorded.observations, {}, declared());
+  EXPECT_FALSE(images.result);
+  EXPECT_EQ(images.problem, "");
+}
+
+TEST(SolveJointly, NamesAnArmFileThatIsGone) {
+  const Recorded recorded = record(25);
+  std::vector<Observation> observations = recorded.observations;
+  for (Observation& observation : observations) observation.robot->q = Eigen::VectorXd::Zero(6);
+  SolveOptions options = declared();
+  options.arm.emplace().urdf = "/nowhere/arm.urdf";
+  const JointAnswer answer = solveJointly(recorded.cell.board, observations, {}, options);
+  ASSERT_TRUE(answer.result) << answer.problem;
+  ASSERT_FALSE(answer.result->notes.empty());
+  EXPECT_NE(answer.result->notes.front().find("/nowhere/arm.urdf"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace servocal::procedure
