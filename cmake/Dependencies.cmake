@@ -14,6 +14,7 @@ find_package(orocos_kdl REQUIRED)
 find_package(fcl 0.7 REQUIRED)
 find_package(ompl 1.5 REQUIRED)
 pkg_check_modules(cairo REQUIRED IMPORTED_TARGET cairo cairo-pdf)
+pkg_check_modules(httplib REQUIRED IMPORTED_TARGET cpp-httplib)
 
 # VISP's package file appends to CMAKE_CXX_FLAGS and carries no include directories in its targets.
 set(servocal_saved_flags "${CMAKE_CXX_FLAGS}")
