@@ -24,7 +24,7 @@ MODULES = {
     "plan": {"core", "coverage", "calib", "robot"},
     "sim": {"core", "board", "robot", "sensor"},
     "sim_ur_controller": set(),  # uses sim's own ur5.h and nothing of the driver it is there to test
-    "report": {"core", "calib", "session"},
+    "report": {"core", "calib", "robot", "session"},
     "ros2": {"core", "sensor", "robot", "board"},
     "procedure": {"core", "board", "sensor", "robot", "coverage", "calib", "session", "servo", "plan"},
     "live": {"core", "procedure", "sensor"},

@@ -146,6 +146,7 @@ def main():
     seen["pressed_monotonic_s"] = time.monotonic()
     browser.press("#stop")
     seen["ending"] = browser.until("state.ending && state.ending.verdict", 15)
+    browser.until("document.getElementById('stop').textContent == 'STOPPED'", 5)
     seen["notice"] = browser.value("document.getElementById('notice').textContent")
     seen["button"] = browser.value("document.getElementById('stop').textContent")
     seen["complaints"] = browser.complaints

@@ -56,7 +56,7 @@ TEST(LivePage, ShowsTheRunInABrowserAndItsButtonStopsTheArm) {
 TEST(LivePage, TheProgramPrintsTheAddressAndObeysTheStop) {
   const test::TemporaryFolder folder;
   const auto watched =
-      runProgram(SERVOCAL_CALIBRATE " --live --out " + shellWord((folder / "session").string()) + " 2> " +
+      runProgram("(" SERVOCAL_CALIBRATE " --live --out " + shellWord((folder / "session").string()) + " 2> " +
                  shellWord((folder / "err").string()) +
                  " & pid=$!\n"
                  "for i in $(seq 100); do grep -q token= " +
@@ -72,7 +72,7 @@ TEST(LivePage, TheProgramPrintsTheAddressAndObeysTheStop) {
                  "{\"X-Servocal-Token\": token})).read().decode()\n"
                  "print(ask(\"/state\", None)); ask(\"/stop\", b\"\")' \"$url\"\n"
                  "wait $pid; code=$?; cat " +
-                 shellWord((folder / "err").string()) + " >&2; exit $code");
+                 shellWord((folder / "err").string()) + " >&2; exit $code)");
   EXPECT_EQ(watched.exit_code, 7) << watched.err;
   EXPECT_NE(watched.err.find("Stopped by the operator. The arm stands still"), std::string::npos)
       << watched.err;
