@@ -3,11 +3,13 @@
 #include <cstdint>
 #include <filesystem>
 #include <iostream>
+#include <optional>
 
 #include "servocal/app/main.h"
 #include "servocal/app/progress.h"
 #include "servocal/core/cell_config.h"
 #include "servocal/core/error.h"
+#include "servocal/live/server.h"
 #include "servocal/procedure/calibrate.h"
 #include "servocal/procedure/summary.h"
 #include "servocal/robot/guard.h"
@@ -48,8 +50,19 @@ int main(int argc, char** argv) {
   cli.add_option("--intrinsics", intrinsics_from, "Result file whose intrinsics are believed instead of solved");
   cli.add_flag("--hand-eye-only", options.hand_eye_only, "Only where the cameras stand: no tilt limits, no coverage")
       ->needs("--intrinsics");
+  live::ServerOptions live_options;
+  bool live = false, json = false;
+  cli.add_flag("--live", live, "Serve a page to watch the run, with a button that stops the arm");
+  cli.add_option("--live-port", live_options.port, "Where the page is served; 0: any free port")
+      ->check(CLI::Range(0, 65535))
+      ->capture_default_str()
+      ->needs("--live");
+  cli.add_option("--live-host", live_options.host, "And at which address of this machine, 0.0.0.0 for all of them")
+      ->capture_default_str()
+      ->needs("--live");
+  cli.add_flag("--json", json, "Print the result as JSON on stdout, the summary on stderr");
   cli.footer("Examples:\n"
-             "  $ servocal-calibrate --out runs/first --seed 1\n"
+             "  $ servocal-calibrate --out runs/first --seed 1 --live\n"
              "  $ servocal-calibrate --out runs/moved --camera left --hand-eye-only --intrinsics "
              "runs/first/result.yaml\n");
   return app::guardedMain(cli, argc, argv, [&] {
@@ -68,15 +81,34 @@ int main(int argc, char** argv) {
 
     procedure::Devices devices{simulation.clock(), guard, {}};
     for (const CameraConfig& camera : cell.cameras) devices.cameras.push_back(&simulation.camera(camera.name));
+    std::optional<live::Server> page;
+    procedure::LookSink on_look;
+    if (live) {
+      page.emplace(cell, [&guard] { guard.operatorStop(); }, live_options);
+      on_look = [&page](const procedure::Look& look) { page->show(look); };
+      std::cerr << "Live page: " << page->url() << std::endl;
+    }
     app::Progress progress;
-    CalibrationResult result = procedure::calibrate(
-        cell, devices, session, [&](const procedure::Event& event) { progress.show(procedure::line(event)); }, options);
+    const auto on_event = [&](const procedure::Event& event) {
+      progress.show(procedure::line(event));
+      if (page) page->show(event);
+    };
+    CalibrationResult result;
+    try {
+      result = procedure::calibrate(cell, devices, session, on_event, options, on_look);
+    } catch (const std::exception& error) {
+      progress.finish();
+      if (page) page->finish(false, error.what());
+      throw;
+    }
     progress.finish();
 
     result.provenance = "servocal-calibrate, simulated cell '" + cell.name + "', seed " + std::to_string(seed);
     session::saveResult(out / "result.yaml", result);
-    std::cout << procedure::summary(result) << "Wrote " << (out / "result.yaml").string() << " and the session in "
-              << out.string() << '\n';
+    (json ? std::cerr : std::cout) << procedure::summary(result) << "Wrote " << (out / "result.yaml").string()
+                                   << " and the session in " << out.string() << '\n';
+    if (json) std::cout << session::resultJson(result);
+    if (page) page->finish(result.goal_met, procedure::verdict(result));
     return result.goal_met ? app::kOk : app::kGoalNotMet;
   });
 }

@@ -14,6 +14,7 @@ find_package(orocos_kdl REQUIRED)
 find_package(fcl 0.7 REQUIRED)
 find_package(ompl 1.5 REQUIRED)
 pkg_check_modules(cairo REQUIRED IMPORTED_TARGET cairo cairo-pdf)
+pkg_check_modules(httplib REQUIRED IMPORTED_TARGET cpp-httplib)
 
 # OpenNI2 ships a pkg-config file alone, which names the library without its folder.
 pkg_check_modules(openni2 REQUIRED IMPORTED_TARGET libopenni2)

@@ -24,10 +24,10 @@ MODULES = {
     "plan": {"core", "coverage", "calib", "robot"},
     "sim": {"core", "board", "robot", "sensor"},
     "sim_ur_controller": set(),  # uses sim's own ur5.h and nothing of the driver it is there to test
-    "report": {"core", "calib", "session"},
+    "report": {"core", "calib", "robot", "session"},
     "ros2": {"core", "sensor", "robot", "board"},
     "procedure": {"core", "board", "sensor", "robot", "coverage", "calib", "session", "servo", "plan"},
-    "live": {"core", "procedure"},
+    "live": {"core", "procedure", "sensor"},
     "app": {"core"},
 }
 
@@ -70,7 +70,7 @@ IN_SOURCES = {
     "sim": {"OpenCV", "urdfdom"},
     "report": {"nlohmann-json"},
     "ros2": {"Cyclone DDS", "OpenCV"},
-    "live": {"httplib", "nlohmann-json"},
+    "live": {"httplib", "nlohmann-json", "OpenCV"},  # OpenCV: JPEGs
     "procedure": {"OpenCV"},  # images pass through on their way to the session
     "app": {"CLI11"},
 }

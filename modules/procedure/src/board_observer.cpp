@@ -49,6 +49,7 @@ std::optional<SeenFrame> BoardObserver::see(Instant deadline) {
   seen.detection = detector_.track(frame->image);
   if (!seen.detection) seen.detection = detector_.detect(frame->image);
   seen.frame = std::move(*frame);
+  if (watcher_) watcher_(seen);
   return seen;
 }
 

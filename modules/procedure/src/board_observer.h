@@ -40,6 +40,10 @@ class BoardObserver final : public servo::Observer {
   using Prediction = std::function<std::optional<Pose<Color, Board>>(Instant stamp)>;
   void setPrediction(Prediction prediction) { predict_ = std::move(prediction); }
 
+  /// Called with every frame that is looked at.
+  using Watcher = std::function<void(const SeenFrame&)>;
+  void setWatcher(Watcher watcher) { watcher_ = std::move(watcher); }
+
   void setModel(const CameraModel& model) { model_ = model; }
   const CameraModel& model() const { return model_; }
 
@@ -50,6 +54,7 @@ class BoardObserver final : public servo::Observer {
   CameraModel model_;
   board::Detector detector_;
   Prediction predict_;
+  Watcher watcher_;
   std::optional<Pose<Color, Board>> last_pose_;
 };
 

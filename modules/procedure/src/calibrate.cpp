@@ -74,11 +74,12 @@ void addCoverage(const std::string& camera, Eye& eye, std::optional<CoverageSumm
 }  // namespace
 
 CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, session::Session& session,
-                            const EventSink& on_event, const CalibrateOptions& options) {
+                            const EventSink& on_event, const CalibrateOptions& options,
+                            const LookSink& on_look) {
   if (devices.cameras.size() != cell.cameras.size() || cell.cameras.empty()) {
     throw std::invalid_argument("calibrate needs the cell's cameras, in order");
   }
-  Run run(cell, devices, session, on_event, options);
+  Run run(cell, devices, session, on_event, options, on_look);
   std::vector<std::string> missing;
   double tilt_time_s = 0.0;
   const std::vector<Eye*> order = turns(run, missing);

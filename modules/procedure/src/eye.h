@@ -80,6 +80,7 @@ class Eye {
   std::vector<TiltLimit> tilt_limits;
   std::optional<Sighting> sighting;
   int views = 0;  ///< Settled ones.
+  Instant last_shown{};  ///< To those who watch.
 
  private:
   bool isShown(const Pose<Color, Board>& cMo, double margin_px, double least_cosine) const;

@@ -48,8 +48,8 @@ bool isWanted(const CalibrateOptions& options, const std::string& camera) {
 }  // namespace
 
 Run::Run(const CellConfig& cell, const Devices& devices, session::Session& session, const EventSink& on_event,
-         const CalibrateOptions& options)
-    : cell_(cell), devices_(devices), session_(session), on_event_(on_event), options_(options) {
+         const CalibrateOptions& options, const LookSink& on_look)
+    : cell_(cell), devices_(devices), session_(session), on_event_(on_event), options_(options), on_look_(on_look) {
   for (std::size_t i = 0; i < cell.cameras.size(); ++i) {
     const CameraConfig& camera = cell.cameras[i];
     if (camera.mount != mount()) {
@@ -72,6 +72,7 @@ Run::Run(const CellConfig& cell, const Devices& devices, session::Session& sessi
     }
     eye.observer().setPrediction(
         [this, &eye](Instant stamp) { return eye.predict(guard().stateAt(stamp).bMe, eMo_); });
+    if (on_look_) eye.observer().setWatcher([this, &eye](const SeenFrame& seen) { show(eye, seen); });
   }
 }
 
@@ -152,10 +153,12 @@ Run::Visit Run::visit(const std::string& stage, Eye& eye, const Pose<Color, Boar
   attempt.start = clock().now();
   LookingOn observer(*this, eye);
   Visit visit;
+  goal_ = Goal{&eye, cdMo};
   visit.drive = servo::drive(guard(), clock(), observer, cell_.board.corners(), cdMo, estimate, options);
   eye.compareClocks(path_, eMo(eye));
   const bool arrived = visit.drive.status == DriveStatus::kReached || visit.drive.status == DriveStatus::kPlateau;
   if (arrived) visit.observation = observe(stage, eye);
+  goal_.reset();
   attempt.end = clock().now();
   attempt.status = visit.drive.status;
   attempt.reason = visit.drive.reason;
@@ -216,6 +219,7 @@ void Run::report(const std::string& stage, const Eye& eye, int done, int planned
     event.scatter_m = hand_eye->scatter_m;
   }
   event.message = message;
+  event.eyes = progress();
   if (!message.empty()) session_.event(event.stamp, stage, eye.name() + ": " + message);
   if (on_event_) on_event_(event);
 }

@@ -18,7 +18,7 @@ namespace servocal::procedure {
 class Run {
  public:
   Run(const CellConfig& cell, const Devices& devices, session::Session& session, const EventSink& on_event,
-      const CalibrateOptions& options);
+      const CalibrateOptions& options, const LookSink& on_look);
 
   Run(const Run&) = delete;  // The eyes ask this very object where the board is.
   Run& operator=(const Run&) = delete;
@@ -49,6 +49,8 @@ class Run {
 
   /// Reports progress.
   void report(const std::string& stage, const Eye& eye, int done, int planned, const std::string& message = {});
+  /// All eyes, for those who watch.
+  std::vector<EyeProgress> progress() const;
   void setEta(std::optional<double> eta_s) { eta_s_ = eta_s; }
 
   const CellConfig& cell() const { return cell_; }
@@ -77,6 +79,12 @@ class Run {
   std::optional<std::string> updateBelief(Eye& eye);
 
  private:
+  struct Goal {
+    const Eye* eye;
+    Pose<Color, Board> cdMo;
+  };
+
+  void show(Eye& eye, const SeenFrame& seen);
   void throwIfStopped() const;
   std::vector<Eye*> lookersBeside(Eye& wanted, bool excluded_streams);
   void believeFromMount(Eye& eye);
@@ -87,6 +95,7 @@ class Run {
   session::Session& session_;
   const EventSink& on_event_;
   const CalibrateOptions& options_;
+  const LookSink& on_look_;
   std::deque<sensor::GatedCamera> cameras_;  // What the eyes look through.
   std::deque<Eye> eyes_;
   std::vector<RobotState> path_;  // Of the last drives, forMount().
@@ -95,6 +104,7 @@ class Run {
   double eMo_sigma_m_ = 0.0;
   Instant last_look_on_{};
   std::optional<double> eta_s_;
+  std::optional<Goal> goal_;  ///< Of the drive under way, for those who watch.
 };
 
 /// The eye that the arm found, and stands before; or why there is none.

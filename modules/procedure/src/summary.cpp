@@ -241,6 +241,12 @@ std::string line(const Event& event) {
   return text;
 }
 
+std::string verdict(const CalibrationResult& result) {
+  std::string text = result.goal_met ? "Goal met." : "Goal not met.";
+  for (const std::string& missing : result.missing) text += " " + missing + ".";
+  return text;
+}
+
 std::string summary(const CalibrationResult& result) {
   std::string text = result.goal_met ? "Goal met.\n" : "Goal not met:\n";
   for (const std::string& missing : result.missing) text += "  - " + missing + "\n";

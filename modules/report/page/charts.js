@@ -7,13 +7,13 @@ const kConfig = {
   axis: {labelFontSize: 11, titleFontSize: 12, titleFontWeight: 'normal', gridColor: '#eceff2'},
   legend: {labelFontSize: 11, titleFontSize: 12, titleFontWeight: 'normal', orient: 'bottom'},
 };
-const kUsedColors = {domain: [true, false], range: ['#31688e', '#d1495b']};
+const kUsedColors = {domain: ['used', 'left out'], range: ['#31688e', '#d1495b']};
 
 function spec(values, rest) {
   return {
     $schema: 'https://vega.github.io/schema/vega-lite/v6.json',
     width: 'container',
-    height: 260,
+    height: 215,
     autosize: {type: 'fit-x', contains: 'padding'},
     config: kConfig,
     data: {values},
@@ -75,14 +75,14 @@ export function residualCloud(stream) {
 }
 
 export function perView(views) {
-  const rows = views.map((view, order) => ({...view, order, label: `${view.id} ${view.name}`}));
+  const rows = views.map((view, order) => ({...view, order, label: `${view.id} ${view.name}`, fate: view.used ? 'used' : 'left out'}));
   return spec(rows, {
     mark: {type: 'bar', tooltip: true},
     encoding: {
       x: {field: 'order', type: 'ordinal', title: 'view, in the order seen', axis: {labels: false, ticks: false}},
       y: {field: 'rms_px', type: 'quantitative', title: 'residual, px RMS'},
-      color: {field: 'used', type: 'nominal', title: 'used', scale: kUsedColors},
-      tooltip: ['label', 'rms_px', 'used', 'cause', 'reason'].map((field) => ({field})),
+      color: {field: 'fate', type: 'nominal', title: null, scale: kUsedColors},
+      tooltip: ['label', 'rms_px', 'fate', 'cause', 'reason'].map((field) => ({field})),
     },
   });
 }
@@ -128,6 +128,39 @@ export function tiltLimits(limits) {
       {mark: {type: 'text', radiusOffset: -26, fontSize: 11, fill: 'white'},
         encoding: {theta: {field: 'middle', ...turn}, radius, text: {field: 'label'}}},
     ],
+  });
+}
+
+/** Infrared corners with their depth, drawn into the color image: where they were, and where they are now. */
+export function overlay(shown) {
+  const rows = shown.corners.flatMap((corner) => [
+    {u: corner.color[0], v: corner.color[1], what: 'color camera sees it'},
+    ...(corner.before ? [{u: corner.before[0], v: corner.before[1], what: 'depth put there, before'}] : []),
+    ...(corner.after ? [{u: corner.after[0], v: corner.after[1], what: 'depth put there, after'}] : [])]);
+  const axis = (field, title, reverse) => ({field, type: 'quantitative', title, scale: {zero: false, nice: false, reverse, padding: 12}});
+  const kinds = ['color camera sees it', 'depth put there, before', 'depth put there, after'];
+  return spec(rows, {
+    height: 260,
+    mark: {type: 'point', size: 46, strokeWidth: 1.6, tooltip: true},
+    encoding: {
+      x: axis('u', 'u, px', false), y: axis('v', 'v, px', true),
+      color: {field: 'what', type: 'nominal', title: null, scale: {domain: kinds, range: ['#1c2127', '#d1495b', '#31688e']}},
+      shape: {field: 'what', type: 'nominal', title: null, scale: {domain: kinds, range: ['circle', 'triangle-up', 'cross']}},
+    },
+  });
+}
+
+/** A projection map of the joint estimate. */
+export function jointMap(camera, map) {
+  const step = {x: camera.width_px / Math.max(1, map.cells_x - 1), y: camera.height_px / Math.max(1, map.cells_y - 1)};
+  const rows = map.sigma_px.map((sigma_px, i) => {
+    const u = (i % map.cells_x) * step.x, v = Math.floor(i / map.cells_x) * step.y;
+    return {sigma_px, left: u - step.x / 2, right: u + step.x / 2, top: v - step.y / 2, bottom: v + step.y / 2};
+  });
+  return spec(rows, {
+    mark: {type: 'rect', clip: true, tooltip: true, strokeWidth: 0.3},
+    encoding: {...imageAxes(camera, 'left', 'top'), x2: {field: 'right'}, y2: {field: 'bottom'},
+      color: {field: 'sigma_px', type: 'quantitative', title: '1 sigma, px', scale: {scheme: 'viridis', zero: true}}},
   });
 }
 

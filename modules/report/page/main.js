@@ -28,9 +28,25 @@ function verdict() {
   const {goal_met: met, missing, numbers} = data.verdict;
   const box = element('div', {class: met ? 'verdict met' : 'verdict'}, element('strong', {}, met ? 'Goal met' : 'Goal not met'));
   if (missing.length) box.append(element('ul', {}, ...missing.map((text) => element('li', {}, text))));
-  return [element('h1', {}, 'Calibration report'), box,
-    table([['', (row) => row.what], ['value', (row) => `${row.value ?? 'unknown'} ${row.unit}`, true],
-      ['good is', (row) => row.good], ['', (row) => (row.within ? '✓' : '✗ look into it')]], numbers)];
+  return [element('p', {class: 'kind'}, 'Calibration report'), box, matrix(numbers)];
+}
+
+/** One line for each measure, one column for each camera. */
+function matrix(numbers) {
+  const cameras = [...new Set(numbers.map((row) => row.of))];
+  const measures = [...new Set(numbers.map((row) => row.what))];
+  const head = element('tr', {}, element('th', {}, ''), ...cameras.map((name) => element('th', {class: 'number'}, name)), element('th', {}, 'good is'));
+  const body = measures.map((what) => {
+    const rows = numbers.filter((row) => row.what === what);
+    const cells = cameras.map((name) => {
+      const row = rows.find((entry) => entry.of === name);
+      if (!row) return element('td', {class: 'number'}, '–');
+      return element('td', {class: row.within ? 'number within' : 'number beyond'},
+        `${row.value ?? 'unknown'} ${row.unit} ${row.within ? '✓' : '✗'}`);
+    });
+    return element('tr', {}, element('td', {}, what), ...cells, element('td', {class: 'soft'}, rows[0].good));
+  });
+  return element('div', {class: 'scroll'}, element('table', {class: 'matrix'}, element('thead', {}, head), element('tbody', {}, ...body)));
 }
 
 function nextSteps() {
@@ -39,7 +55,8 @@ function nextSteps() {
 
 function contents() {
   const link = (id, text) => element('a', {href: `#${id}`}, text);
-  return element('nav', {}, ...data.cameras.map((camera, i) => link(`camera-${i}`, camera.name)), link('cell', 'the cell'),
+  return element('nav', {}, link('cell', 'the cell'), ...data.cameras.map((camera, i) => link(`camera-${i}`, `camera ${camera.name}`)),
+    data.joint ? link('joint', 'everything at once') : null,
     data.timeline.length ? link('run', 'the run') : null, link('provenance', 'provenance'));
 }
 
@@ -52,8 +69,8 @@ function rejected(views) {
 
 function streamSection(camera, stream) {
   const parts = [element('h3', {}, `${camera.name}, ${stream.stream} lens (${stream.width_px} × ${stream.height_px} px, ${stream.lens})`)];
-  parts.push(table([['parameter', (row) => row.name], ['value ± 1 sigma', (row) => plusMinus(row.value, row.sigma, row.unit), true]], stream.parameters));
-  const figures = [];
+  const figures = [figure('Parameters', 'sigmas far below what they stand beside; a distortion no larger than its sigma is not there.',
+    table([['', (row) => row.name], ['value ± 1 sigma', (row) => plusMinus(row.value, row.sigma, row.unit), true]], stream.parameters))];
   if (stream.coverage) {
     figures.push(chart('Coverage: corners seen per image cell', `no open cell; each holds ${stream.coverage.corners_to_fill} corners or is out of the arm's reach.`, charts.coverage(stream)));
     figures.push(chart('Kinds of views', 'every kind of distance and tilt has views.', charts.viewKinds(stream)));
@@ -91,9 +108,9 @@ function poseTable(rows) {
 function handEyeSection(camera) {
   const eye = camera.hand_eye;
   const parts = [element('h3', {}, `${camera.name}: where it stands`),
-    poseTable([...poseRows('color camera', eye.camera), ...poseRows('board', eye.board)]),
     element('p', {}, `Residual ${eye.rms_px} px with the robot corrected by ${eye.robot_correction_mm} mm and ${eye.robot_correction_deg} deg RMS; if the robot is believed, the board scatters by ${eye.scatter_mm} mm and ${eye.scatter_deg} deg. A residual is fit, not accuracy.`)];
   parts.push(grid(
+    figure('Camera and board', 'sigmas of a fraction of a millimeter and of a hundredth of a degree.', poseTable([...poseRows('color camera', eye.camera), ...poseRows('board', eye.board)])),
     eye.steps.length > 1 ? chart('Hand-eye against number of views', 'the red line falls with the blue one and stays near or below it.', charts.handEyeSteps(eye.steps)) : null,
     chart('Hand-eye residual per view', 'bars of like height; red ones were left out, hover for the reason.', charts.perView(eye.views))));
   parts.push(rejected(eye.views));
@@ -111,11 +128,39 @@ function depthSection(camera) {
       figures.push(chart('Depth error over the image, corrected', 'pale everywhere; a colored region is a shape the correction misses.', charts.depthOverImage(depth, infrared, 'after_mm'), {many: true}));
     }
   }
+  if (camera.overlay) figures.push(overlayFigure(camera.overlay));
   if (depth.correction.length) figures.push(chart('The correction over the image', 'smooth, without steps between neighbors.', charts.depthCorrection(depth)));
   return [element('h3', {}, `${camera.name}: depth (${depth.sensor.replaceAll('_', ' ')})`),
     element('p', {}, `Solved from ${depth.patches} patches in ${depth.views} views, ${depth.near_m} to ${depth.far_m} m; beyond, it extrapolates.`),
     table([['at', (row) => `${row.at_m} m`], ['correction known to (1 sigma)', (row) => `${row.sigma_mm} mm`, true]], depth.sigma),
     ...depth.notes.map((note) => element('p', {}, note)), grid(...figures)];
+}
+
+function overlayFigure(shown) {
+  const before = shown.rms_before_px === undefined ? '' : `${shown.rms_before_px} px RMS before, `;
+  return chart(`Depth on color, one view of ${shown.views}: ${before}${shown.rms_after_px} px after`,
+    'every blue cross sits in its black circle; “before” is what the data sheets say, lenses without distortion in one place.', charts.overlay(shown));
+}
+
+function jointSection() {
+  const joint = data.joint;
+  if (!joint) return data.joint_problem ? [element('h2', {id: 'joint'}, 'Everything at once'), element('p', {}, data.joint_problem)] : [];
+  const list = (title, sentences) => (sentences.length ? [element('h3', {}, title), element('ul', {}, ...sentences.map((text) => element('li', {}, text)))] : []);
+  const name = (row) => `${row.camera} ${row.stream}`;
+  const parts = [element('h2', {id: 'joint'}, 'Everything at once'), element('p', {}, joint.model),
+    table([['', name], ['views', (row) => row.views, true], ['residual, px', (row) => row.rms_px, true], ['place ±, mm', (row) => row.place_sigma_mm, true],
+      ['direction ±, deg', (row) => row.direction_sigma_deg, true], ['worst pixel ±, px', (row) => row.at_range.worst_px, true],
+      ['points of the workspace ±, mm', (row) => `${row.workspace_rms_mm}, worst ${row.workspace_worst_mm}`, true]], joint.cameras)];
+  const {robot, board, held_out: held} = joint;
+  const facts = [`The robot's noise per stop is estimated as ${robot.sigma_mm} mm and ${robot.sigma_deg} deg per axis; declared are ${robot.declared_sigma_mm} mm and ${robot.declared_sigma_deg} deg.`,
+    `The print is ${board.scale_x} by ${board.scale_y} times its description, bowed by ${board.bow_x_mm} and ${board.bow_y_mm} mm.`];
+  if (held) facts.push(`${held.views} views that no solver saw are off by ${held.rms_mm} mm and ${held.rms_px} px RMS, ${held.z} times what was claimed. Good is about 1; well above, the claims are too small.`);
+  for (const term of robot.terms) facts.push(`The arm: ${term.name} ${term.value}.`);
+  parts.push(element('ul', {}, ...facts.map((fact) => element('li', {}, fact))));
+  parts.push(grid(...joint.cameras.filter((camera) => camera.at_range.sigma_px.length).map((camera) =>
+    chart(`${name(camera)}: projection of a point of the cell, ${camera.range_m} m away`, 'dark and even to the corners, below the goal in the cell file.', charts.jointMap(camera, camera.at_range)))));
+  parts.push(...list('Who is to blame for what does not fit', joint.faults), ...list('What the data leave open', joint.open), ...list('Notes', joint.notes));
+  return parts;
 }
 
 function cameraSection(camera, index) {
@@ -125,6 +170,7 @@ function cameraSection(camera, index) {
   if (camera.color_infrared) parts.push(...pairSection(camera.color_infrared));
   if (camera.depth) parts.push(...depthSection(camera));
   const facts = [...camera.notes];
+  if (camera.held_out) facts.push(`${camera.held_out.views} views that no solver saw are off by ${camera.held_out.rms_mm} mm and ${camera.held_out.rms_px} px RMS, the robot’s own error included.`);
   if (camera.board_scale) facts.push(`By the robot's motion the board is ${plusMinus(camera.board_scale.scale, camera.board_scale.sigma)} times its stated size.`);
   if (camera.time_offset_ms !== undefined) facts.push(`Its images are stamped ${plusMinus(camera.time_offset_ms, camera.time_offset_sigma_ms, 'ms')} after the robot's.`);
   if (camera.affine_baseline) facts.push(`For comparison, the 2016 paper's affine eye-to-hand from corner depths: ${camera.affine_baseline.rms_mm} mm RMS over ${camera.affine_baseline.inliers} of ${camera.affine_baseline.points} points.`);
@@ -133,8 +179,8 @@ function cameraSection(camera, index) {
 }
 
 function pairSection(pair) {
-  return [element('h3', {}, `${pair.second} beside ${pair.first}`), poseTable(poseRows(pair.second, pair.pose)),
-    grid(chart('Residual of both per view', 'bars of like height; red ones were left out, hover for the reason.', charts.perView(pair.views)))];
+  return [element('h3', {}, `${pair.second} beside ${pair.first}`),
+    grid(figure('Pose', 'a sigma far below what the two are used for.', poseTable(poseRows(pair.second, pair.pose))), chart('Residual of both per view', 'bars of like height; red ones were left out, hover for the reason.', charts.perView(pair.views)))];
 }
 
 function cellSection() {
@@ -151,7 +197,7 @@ function cellSection() {
     return button;
   };
   parts.push(figure(`Robot base, cameras${scale ? `, their uncertainty (red, 1 sigma drawn ${scale} times as large)` : ''} and where the board has been`,
-    'cameras where they are in the room, boards all over each camera’s view at two distances, ellipsoids round and small. Drag to turn.', element('div', {}, canvas, legend, zoom('nearer', 0.8), ' ', zoom('farther', 1.25)), true));
+    'cameras where they are in the room, boards all over each camera’s view at two distances, ellipsoids round and small. The arm is drawn through its joints’ axes. Drag to turn.', element('div', {}, canvas, legend, zoom('nearer', 0.8), ' ', zoom('farther', 1.25)), true));
   waiting.push(async () => {
     if (!showScene(canvas, scene)) canvas.replaceWith(element('p', {}, 'This browser has no WebGL; the cell is not drawn.'));
   });
@@ -176,8 +222,8 @@ function provenanceSection() {
 
 async function show() {
   const page = document.getElementById('report');
-  page.replaceChildren(...[...verdict(), ...nextSteps(), contents(), ...data.cameras.flatMap(cameraSection),
-    ...data.pairs.flatMap(pairSection), ...cellSection(), ...runSection(), ...provenanceSection()].filter((part) => part));
+  page.replaceChildren(...[...verdict(), ...nextSteps(), contents(), ...cellSection(),
+    ...data.cameras.flatMap(cameraSection), ...data.pairs.flatMap(pairSection), ...jointSection(), ...runSection(), ...provenanceSection()].filter((part) => part));
   for (const draw of waiting) await draw();  // one after the other: the page shows while it fills
   document.documentElement.dataset.drawn = String(waiting.length);
 }

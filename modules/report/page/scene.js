@@ -16,9 +16,9 @@ export function ellipsoidScale(scene) {
   return Math.max(1, 10 ** Math.floor(Math.log10(0.08 / largest)));
 }
 
-function lines(points, color) {
+function lines(points, color, opacity = 1) {
   const geometry = new THREE.BufferGeometry().setFromPoints(points);
-  return new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({color}));
+  return new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({color, transparent: opacity < 1, opacity}));
 }
 
 function loop(corners) {
@@ -51,14 +51,42 @@ function frustumLines(corners) {
   return [...loop(corners), ...corners.flatMap((corner) => [kOrigin, corner])];
 }
 
+/** A link of the arm as a rod. */
+function rod(from, to, radius, opacity) {
+  const along = new THREE.Vector3().subVectors(to, from);
+  const made = new THREE.Mesh(new THREE.CylinderGeometry(radius, radius, along.length(), 14),
+    new THREE.MeshLambertMaterial({color: '#9aa9b8', transparent: opacity < 1, opacity, depthWrite: opacity === 1}));
+  made.position.copy(from).addScaledVector(along, 0.5);
+  made.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), along.normalize());
+  return made;
+}
+
+function arm(points, first) {
+  const radius = first ? 0.032 : 0.02, opacity = first ? 1 : 0.16;
+  const joints = points.map((point) => {
+    const ball = new THREE.Mesh(new THREE.SphereGeometry(radius * 1.25, 18, 12),
+      new THREE.MeshLambertMaterial({color: '#5d84aa', transparent: !first, opacity, depthWrite: first}));
+    ball.position.copy(point);
+    return ball;
+  });
+  return [...joints, ...points.slice(1).map((point, i) => rod(points[i], point, radius, opacity))];
+}
+
+/** The sides of a camera's view, so that it reads as a solid. */
+function view(corners, pose) {
+  const at = placed(pose, [kOrigin, ...corners]);
+  const geometry = new THREE.BufferGeometry().setFromPoints([[1, 2], [2, 3], [3, 4], [4, 1]].flatMap(([a, b]) => [at[0], at[a], at[b]]));
+  return new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({color: '#31688e', transparent: true, opacity: 0.18, side: THREE.DoubleSide, depthWrite: false}));
+}
+
 function build(data) {
   const world = new THREE.Scene();
   world.background = new THREE.Color('#ffffff');
   world.up.set(0, 0, 1);
   const bounds = new THREE.Box3().expandByPoint(kOrigin);
-  const add = (points, color) => {
+  const add = (points, color, opacity = 1) => {
     if (points.length === 0) return;
-    world.add(lines(points, color));
+    world.add(lines(points, color, opacity));
     points.forEach((point) => bounds.expandByPoint(point));
   };
   const outline = vectors(data.board_outline_m);
@@ -66,20 +94,29 @@ function build(data) {
   for (const camera of data.cameras) {
     add(placed(camera.pose, frustumLines(vectors(camera.frustum_m))), camera.sigma_m ? '#1c2127' : '#8a94a0');
     if (!camera.sigma_m) continue;
+    world.add(view(vectors(camera.frustum_m), camera.pose));
     const centre = placed(camera.pose, [kOrigin])[0];
     const ball = new THREE.Mesh(new THREE.SphereGeometry(1, 24, 16),
       new THREE.MeshBasicMaterial({color: '#d1495b', transparent: true, opacity: 0.35}));
     ball.position.copy(centre);
     ball.scale.set(...camera.sigma_m.map((sigma) => Math.max(1e-4, sigma * scale)));
     world.add(ball);
-    const name = label(camera.name, 0.05);
+    const name = label(camera.name.replace(/ color$/, ''), 0.055);
     name.position.copy(centre).add(new THREE.Vector3(0, 0, 0.08));
     world.add(name);
   }
   stagesOf(data).forEach((stage, index) => {
     const points = data.moving.filter((pose) => pose.stage === stage).flatMap((pose) =>
       placed(pose.pose, pose.kind === 'board' ? loop(outline) : frustumLines(vectors([[-0.03, -0.02, 0.06], [0.03, -0.02, 0.06], [0.03, 0.02, 0.06], [-0.03, 0.02, 0.06]]))));
-    add(points, kStageColors[index % kStageColors.length]);
+    add(points, kStageColors[index % kStageColors.length], 0.5);
+  });
+  world.add(new THREE.AmbientLight('#ffffff', 1.6));
+  const sun = new THREE.DirectionalLight('#ffffff', 2.2);
+  sun.position.set(2, -3, 4);
+  world.add(sun);
+  (data.arms ?? []).forEach((points, i) => {
+    world.add(...arm(vectors(points), i === 0));
+    vectors(points).forEach((point) => bounds.expandByPoint(point));
   });
   if (data.board) add(placed(data.board, loop(outline)), '#1c2127');
   world.add(new THREE.AxesHelper(0.2));
@@ -101,7 +138,7 @@ export function showScene(canvas, data) {
   const eye = new THREE.PerspectiveCamera(45, 1, 0.01, 100);
   eye.up.set(0, 0, 1);
   const centre = bounds.getCenter(new THREE.Vector3());
-  const distance = 1.1 * bounds.getSize(new THREE.Vector3()).length();
+  const distance = 0.8 * bounds.getSize(new THREE.Vector3()).length();
   eye.position.copy(centre).add(new THREE.Vector3(0.65, -0.65, 0.45).multiplyScalar(distance));
   const controls = new OrbitControls(eye, canvas);
   controls.target.copy(centre);

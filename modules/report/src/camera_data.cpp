@@ -2,6 +2,8 @@
 #include "camera_data.h"
 
 #include <algorithm>
+#include <cmath>
+#include <map>
 
 #include "evidence.h"
 
@@ -180,6 +182,32 @@ Json depthTree(const ReportInput& input, const CameraResult& camera) {
   return tree;
 }
 
+/// Every corner for the numbers, one view for the eye: the one with most corners.
+Json overlayTree(const std::vector<OverlayCorner>& corners) {
+  std::map<std::int64_t, int> of_view;
+  double before_px2 = 0.0, after_px2 = 0.0;
+  int before = 0, after = 0;
+  for (const OverlayCorner& corner : corners) {
+    ++of_view[corner.view];
+    if (corner.before) before_px2 += (*corner.before - corner.color).squaredNorm(), ++before;
+    if (corner.after) after_px2 += (*corner.after - corner.color).squaredNorm(), ++after;
+  }
+  const auto most = std::max_element(of_view.begin(), of_view.end(),
+                                     [](const auto& a, const auto& b) { return a.second < b.second; });
+  Json tree = {{"views", of_view.size()}, {"corners", Json::array()}, {"shown_view", most->first}};
+  if (before > 0) tree["rms_before_px"] = rounded(std::sqrt(before_px2 / before), 2);
+  if (after > 0) tree["rms_after_px"] = rounded(std::sqrt(after_px2 / after), 2);
+  const auto point = [](const std::optional<Eigen::Vector2d>& pixel) {
+    return pixel ? rounded(Eigen::VectorXd(*pixel), 1) : Json(nullptr);
+  };
+  for (const OverlayCorner& corner : corners) {
+    if (corner.view != most->first) continue;
+    tree["corners"].push_back(
+        {{"color", point(corner.color)}, {"before", point(corner.before)}, {"after", point(corner.after)}});
+  }
+  return tree;
+}
+
 }  // namespace
 
 Json pairData(const CameraPair& pair, const std::string& first, const std::string& second) {
@@ -207,6 +235,13 @@ Json cameraData(const ReportInput& input, const CameraResult& camera) {
     tree["combined_views"] = camera.combined_views;
   }
   if (camera.depth) tree["depth"] = depthTree(input, camera);
+  if (const auto overlay = overlayCorners(input, camera); !overlay.empty())
+    tree["overlay"] = overlayTree(overlay);
+  if (camera.held_out) {
+    tree["held_out"] = {{"views", camera.held_out->views},
+                        {"rms_px", rounded(camera.held_out->rms_px, 3)},
+                        {"rms_mm", rounded(camera.held_out->rms_m * 1e3, 3)}};
+  }
   if (camera.board_scale) {
     tree["board_scale"] = {{"scale", rounded(camera.board_scale->scale, 6)},
                            {"sigma", rounded(camera.board_scale->sigma, 6)}};

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -52,6 +54,18 @@ struct DepthSample {
 
 /// Depth patches against the plane that the board's corners give in the same infrared image.
 std::vector<DepthSample> depthSamples(const ReportInput& input, const CameraResult& camera);
+
+/// A corner of the board in the color image, and where the infrared corner with its depth falls there.
+struct OverlayCorner {
+  std::int64_t view = 0;
+  Eigen::Vector2d color;  ///< As seen, px.
+  std::optional<Eigen::Vector2d>
+      before;  ///< By the data sheets, both cameras in one place, depth as delivered.
+  std::optional<Eigen::Vector2d> after;  ///< By the result.
+};
+
+/// Of all observations in which both streams saw the board and depth was measured.
+std::vector<OverlayCorner> overlayCorners(const ReportInput& input, const CameraResult& camera);
 
 /// Poses of the board in the robot's base, of all observations with a robot pose (fixed cameras); or of the
 /// camera that moves.

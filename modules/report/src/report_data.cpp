@@ -3,8 +3,10 @@
 #include <cmath>
 #include <map>
 
+#include "arm_skeleton.h"
 #include "camera_data.h"
 #include "evidence.h"
+#include "joint_data.h"
 #include "json.h"
 #include "next_steps.h"
 #include "number_text.h"
@@ -16,36 +18,43 @@
 namespace servocal::report {
 namespace {
 
-/// The numbers that decide, for the top of the page, with the limit below which each is good.
+/// The numbers that decide, for the top of the page, with the limit below which each is good. The page sets
+/// what has the same name side by side.
 Json headline(const CalibrationResult& result) {
   Json rows = Json::array();
+  std::string of;
   const auto add = [&](const std::string& what, double value, int digits, const char* unit, double limit) {
-    rows.push_back({{"what", what},
+    rows.push_back({{"of", of},
+                    {"what", what},
                     {"value", rounded(value, digits)},
                     {"unit", unit},
                     {"good", "below " + shortNumber(limit) + " " + unit},
                     {"within", value < limit}});
   };
   for (const CameraResult& camera : result.cameras) {
-    const std::string& name = camera.camera;
+    of = camera.camera;
+    if (camera.held_out) {
+      add("error in views no solver saw, the robot's in it", camera.held_out->rms_m * 1e3, 2, "mm", 1.0);
+      add("the same in the image", camera.held_out->rms_px, 2, "px", 2.0);
+    }
     if (camera.hand_eye) {
       const auto& sigma = camera.hand_eye->camera_sigma;
-      add(name + ": place known to (1 sigma)", sigma.head<3>().norm() * 1e3, 2, "mm", 1.0);
-      add(name + ": direction known to (1 sigma)", sigma.tail<3>().norm() * 180 / M_PI, 3, "deg", 0.1);
-      add(name + ": hand-eye residual (fit, not accuracy)", camera.hand_eye->rms_px, 3, "px", 0.5);
+      add("place known to, 1 sigma", sigma.head<3>().norm() * 1e3, 2, "mm", 1.0);
+      add("direction known to, 1 sigma", sigma.tail<3>().norm() * 180 / M_PI, 3, "deg", 0.1);
+      add("hand-eye residual (fit, not accuracy)", camera.hand_eye->rms_px, 3, "px", 0.5);
     }
-    const auto addLens = [&](const char* stream, const IntrinsicsResult& intrinsics) {
+    const auto addLens = [&](const std::string& stream, const IntrinsicsResult& intrinsics) {
       if (intrinsics.sigma.size() == 0) return;
       double worst_px = 0.0;
       for (const PixelSigma& at : projectionSigma(intrinsics, 17, 11))
         worst_px = std::max(worst_px, at.sigma_px);
-      const std::string lens = name + ", " + stream;
-      add(lens + ": lens residual (fit, not accuracy)", intrinsics.rms_px, 3, "px", 0.3);
-      if (worst_px > 0) add(lens + ": projection known to, worst pixel (1 sigma)", worst_px, 2, "px", 0.5);
+      if (worst_px > 0) add(stream + ": worst pixel known to, 1 sigma", worst_px, 2, "px", 0.5);
+      add(stream + ": lens residual (fit, not accuracy)", intrinsics.rms_px, 3, "px", 0.3);
     };
     addLens("color", camera.intrinsics);
     if (camera.infrared) addLens("infrared", *camera.infrared);
-    if (camera.depth) add(name + ": depth error left (fit)", camera.depth->rms_after_m * 1e3, 2, "mm", 5.0);
+    if (camera.depth)
+      add("depth error left (fit, not accuracy)", camera.depth->rms_after_m * 1e3, 2, "mm", 5.0);
   }
   return rows;
 }
@@ -70,6 +79,7 @@ Json frustum(const CameraModel& camera, double depth_m) {
 Json sceneTree(const ReportInput& input) {
   Json scene = {{"cameras", Json::array()},
                 {"moving", Json::array()},
+                {"arms", Json::array()},
                 {"board_outline_m", boardOutline(input.result.board)}};
   bool boards_drawn = false;
   for (const CameraResult& camera : input.result.cameras) {
@@ -101,6 +111,12 @@ Json sceneTree(const ReportInput& input) {
                                  {"stage", pose.stage},
                                  {"pose", matrix(pose.base_by_moving)}});
     }
+  }
+  constexpr int kArms = 6;
+  for (const ArmLine& line : armLines(input, kArms)) {
+    Json points = Json::array();
+    for (const Eigen::Vector3d& point : line) points.push_back(rounded(point, 4));
+    scene["arms"].push_back(points);
   }
   return scene;
 }
@@ -175,6 +191,8 @@ std::string reportJson(const ReportInput& input) {
                {"scene", sceneTree(input)},
                {"timeline", timelineTree(input.attempts)},
                {"provenance", provenanceTree(input)}};
+  if (result.joint) tree["joint"] = jointData(*result.joint);
+  tree["joint_problem"] = result.joint_problem;
   for (const CameraResult& camera : result.cameras) tree["cameras"].push_back(cameraData(input, camera));
   return tree.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
 }

@@ -10,6 +10,7 @@
 #include "servocal/core/cell_config.h"
 #include "servocal/core/clock.h"
 #include "servocal/core/result.h"
+#include "servocal/procedure/look.h"
 #include "servocal/procedure/solve.h"
 #include "servocal/robot/guard.h"
 #include "servocal/sensor/rgbd_camera.h"
@@ -35,6 +36,7 @@ struct Event {
   std::optional<double> rms_px;     ///< Reprojection error of the accumulated estimate.
   std::optional<double> scatter_m;  ///< Hand-eye scatter of the accumulated estimate.
   std::string message;
+  std::vector<EyeProgress> eyes;    ///< All streams of all cameras that take part.
 };
 using EventSink = std::function<void(const Event&)>;
 
@@ -51,6 +53,7 @@ struct CalibrateOptions {
 /// error; at the end one solve. Every settled stop is an observation for every stream that sees the board, and
 /// is in the session before anything else uses it. A camera that cannot be served is named in
 /// CalibrationResult::missing, and the others go on. Ends with the arm at rest.
+/// Who watches through `on_look` changes nothing of the run.
 ///
 /// Source: Miseikis, Glette, Elle, Torresen, "Automatic Calibration of a Robot Manipulator and Multi 3D
 /// Camera System", 2016, Algorithm 1.
@@ -58,6 +61,7 @@ struct CalibrateOptions {
 /// @throws Error kInterrupted when the operator stopped the run (the session keeps what was seen),
 ///   kSafetyStop and kHardwareAbsent from the devices, kBadData from the disk.
 CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, session::Session& session,
-                            const EventSink& on_event, const CalibrateOptions& options = {});
+                            const EventSink& on_event, const CalibrateOptions& options = {},
+                            const LookSink& on_look = {});
 
 }  // namespace servocal::procedure
