@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "resume.h"
 #include "run.h"
 
 namespace servocal::procedure {
@@ -61,6 +62,7 @@ void findTiltLimits(Run& run, Eye& color) {
   const Pose<Base, EndEffector> bMe_facing = run.guard().state().bMe;
 
   for (const Direction& direction : directions) {
+    if (hasTiltLimit(color, direction.name)) continue;  // Of an earlier run.
     Limit color_limit, infrared_limit;
     std::string ended_by = "cap";
     // Strides until the board is lost, then single steps from the last place where it was seen.
@@ -85,9 +87,11 @@ void findTiltLimits(Run& run, Eye& color) {
       angle_deg = color_limit.seen_deg;
     }
     color.tilt_limits.push_back({direction.name, color_limit.seen_deg * kDegree, ended_by, Stream::kColor});
+    noteTiltLimit(run, color, color.tilt_limits.back());
     if (infrared && infrared->bMc()) {
       infrared->tilt_limits.push_back({direction.name, infrared_limit.seen_deg * kDegree,
                                        infrared_limit.lost_deg ? "detection" : ended_by, Stream::kInfrared});
+      noteTiltLimit(run, *infrared, infrared->tilt_limits.back());
     }
     run.updateBelief(color);
     run.report("tilt", color, static_cast<int>(color.tilt_limits.size()), planned,
