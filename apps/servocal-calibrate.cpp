@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include <csignal>
 #include <cstdint>
 #include <filesystem>
 #include <iostream>
@@ -7,6 +6,7 @@
 
 #include "servocal/app/main.h"
 #include "servocal/app/progress.h"
+#include "servocal/app/stop_on_signal.h"
 #include "servocal/core/cell_config.h"
 #include "servocal/core/error.h"
 #include "servocal/live/server.h"
@@ -20,9 +20,6 @@ namespace {
 
 using namespace servocal;
 
-robot::Guard* guard_of_signals = nullptr;
-void stopOnSignal(int) { guard_of_signals->operatorStop(); }
-
 void demandCamera(const CellConfig& cell, const std::string& name) {
   std::string names;
   for (const CameraConfig& camera : cell.cameras) {
@@ -32,6 +29,16 @@ void demandCamera(const CellConfig& cell, const std::string& name) {
   throw Error(ErrorKind::kNothingToDo, "the cell has no camera '" + name + "'; it has: " + names);
 }
 
+/// The cell of a session, which the cell file must still describe.
+CellConfig cellOf(const session::Session& session, const std::string& cell_file) {
+  const std::string name = "session '" + session.folder().string() + "'";
+  if (cell_file.empty()) return parseCell(session.cellText(), "cell file in " + name);
+  CellConfig cell = loadCell(cell_file);
+  if (cell.text == session.cellText()) return cell;
+  throw Error(ErrorKind::kInvalidConfig, "'" + cell_file + "' is not the cell file that " + name +
+                                             " was begun with; resume without a cell file, or begin a new session");
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -39,11 +46,15 @@ int main(int argc, char** argv) {
                "no camera has seen yet. Moves the simulated arm; real arms are not supported yet.",
                "servocal-calibrate");
   std::string cell_file;
-  std::filesystem::path out;
+  std::filesystem::path out, resume;
   std::uint64_t seed = 1;
   cli.add_option("CELL", cell_file, "Cell file (docs/cell-file.md); the built-in simulated cell if not given");
-  cli.add_option("--out", out, "Folder for session and result; must not hold a session yet")->required();
-  cli.add_option("--seed", seed, "Seed of the simulated cell")->capture_default_str();
+  CLI::App* const where = cli.add_option_group("Session", "Where it is kept");
+  where->require_option(1);
+  where->add_option("--out", out, "Folder for session and result; must not hold a session yet");
+  CLI::Option* const resumes = where->add_option(
+      "--resume", resume, "Folder of a session that was interrupted: goes on where it stopped, with the same options");
+  cli.add_option("--seed", seed, "Seed of the simulated cell")->capture_default_str()->excludes(resumes);
   procedure::CalibrateOptions options;
   std::filesystem::path intrinsics_from;
   cli.add_option("--camera", options.cameras, "Only these cameras, by name");
@@ -64,21 +75,27 @@ int main(int argc, char** argv) {
   cli.footer("Examples:\n"
              "  $ servocal-calibrate --out runs/first --seed 1 --live\n"
              "  $ servocal-calibrate --out runs/moved --camera left --hand-eye-only --intrinsics "
-             "runs/first/result.yaml\n");
+             "runs/first/result.yaml\n"
+             "  $ servocal-calibrate --resume runs/first\n\n"
+             "Ctrl-C, a closed terminal or a termination signal stop the arm and keep what was observed; a second\n"
+             "Ctrl-C ends the program at once.\n");
   return app::guardedMain(cli, argc, argv, [&] {
-    const CellConfig cell = cell_file.empty() ? defaultCell() : loadCell(cell_file);
+    std::optional<session::Session> resumed;
+    if (!resume.empty()) resumed.emplace(session::Session::openForAppend(out = resume));
+    const CellConfig cell = resumed             ? cellOf(*resumed, cell_file)
+                            : cell_file.empty() ? defaultCell()
+                                                : loadCell(cell_file);
+    if (cell.arm.backend != ArmBackend::kSim) {
+      throw Error(ErrorKind::kRefusedToMove, "the cell's arm is a real one, which this program does not move yet");
+    }
+    if (resumed) seed = resumed->seed();
     for (const std::string& name : options.cameras) demandCamera(cell, name);
     if (!intrinsics_from.empty()) options.given_intrinsics = procedure::intrinsicsOf(session::loadResult(intrinsics_from));
-    session::Session session = session::Session::create(out, cell.text, cell.board, seed);
+    session::Session session = resumed ? *std::move(resumed) : session::Session::create(out, cell, seed);
     sim::Cell simulation(cell, seed);
     const robot::Kinematics kinematics(cell.arm);
     robot::Guard guard(simulation.arm(), kinematics, simulation.clock(), cell);
-    guard_of_signals = &guard;
-    struct sigaction action = {};
-    action.sa_handler = stopOnSignal;
-    action.sa_flags = SA_RESETHAND;  // a second Ctrl-C ends the program at once
-    for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaction(signal, &action, nullptr);
-
+    const app::StopOnSignal stop([&] { guard.operatorStop(); });
     procedure::Devices devices{simulation.clock(), guard, {}};
     for (const CameraConfig& camera : cell.cameras) devices.cameras.push_back(&simulation.camera(camera.name));
     std::optional<live::Server> page;
@@ -88,6 +105,8 @@ int main(int argc, char** argv) {
       on_look = [&page](const procedure::Look& look) { page->show(look); };
       std::cerr << "Live page: " << page->url() << std::endl;
     }
+    const robot::ArmInfo& arm = simulation.arm().info();
+    options.arm = arm.model + " " + arm.serial;
     app::Progress progress;
     const auto on_event = [&](const procedure::Event& event) {
       progress.show(procedure::line(event));
@@ -103,7 +122,8 @@ int main(int argc, char** argv) {
     }
     progress.finish();
 
-    result.provenance = "servocal-calibrate, simulated cell '" + cell.name + "', seed " + std::to_string(seed);
+    result.provenance = "servocal-calibrate, simulated cell '" + cell.name + "', seed " + std::to_string(seed) +
+                        (resume.empty() ? "" : ", resumed");
     session::saveResult(out / "result.yaml", result);
     (json ? std::cerr : std::cout) << procedure::summary(result) << "Wrote " << (out / "result.yaml").string()
                                    << " and the session in " << out.string() << '\n';

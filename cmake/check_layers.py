@@ -42,6 +42,7 @@ LIBRARIES = {
     "OpenCV": ("opencv2/",),
     "yaml-cpp": ("yaml-cpp/",),
     "SQLite": ("sqlite3.h",),
+    "OpenSSL": ("openssl/",),
     "nlohmann-json": ("nlohmann/",),
     "Ceres": ("ceres/",),
     "KDL": ("kdl/",),
@@ -65,7 +66,7 @@ IN_SOURCES = {
     "sensor": {"OpenCV", "OpenNI2", "libfreenect", "libusb"},
     "robot": {"KDL", "urdfdom", "OMPL", "FCL"},
     "calib": {"OpenCV", "Ceres"},
-    "session": {"OpenCV", "SQLite", "nlohmann-json"},
+    "session": {"OpenCV", "SQLite", "nlohmann-json", "OpenSSL"},  # OpenSSL: SHA-256
     "servo": {"ViSP"},
     "sim": {"OpenCV", "urdfdom"},
     "report": {"nlohmann-json"},

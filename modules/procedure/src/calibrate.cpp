@@ -5,6 +5,7 @@
 #include <map>
 #include <stdexcept>
 
+#include "resume.h"
 #include "run.h"
 #include "servocal/procedure/solve.h"
 #include "slip_check.h"
@@ -41,7 +42,7 @@ std::optional<std::string> takeTurn(Run& run, Eye& color, double& tilt_time_s) {
     const Instant tilt_begin = run.clock().now();
     findTiltLimits(run, color);
     tilt_time_s += toSeconds(run.clock().now() - tilt_begin);
-    int budget = run.cell().coverage.max_views;
+    int budget = run.cell().coverage.max_views - viewsTaken(run, "cover", color.camera());
     budget -= cover(run, color, budget);
     if (infrared) run.updateBelief(*infrared);
     if (infrared && infrared->bMc()) cover(run, *infrared, budget);
@@ -80,17 +81,23 @@ CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, sess
     throw std::invalid_argument("calibrate needs the cell's cameras, in order");
   }
   Run run(cell, devices, session, on_event, options, on_look);
+  const std::set<std::string> over = takeOver(run, session);
   std::vector<std::string> missing;
   double tilt_time_s = 0.0;
   const std::vector<Eye*> order = turns(run, missing);
   std::vector<Eye*> done;
   for (Eye* eye : order) {
+    if (over.count(eye->camera()) > 0) {
+      done.push_back(eye);
+      continue;
+    }
     if (const auto problem = takeTurn(run, *eye, tilt_time_s)) {
       missing.push_back(eye->camera() + ": " + *problem);
       run.report("find", *eye, 0, 0, *problem);
       if (!run.eMo()) break;  // Nobody knows yet where the board sits; the others cannot do without.
     } else {
       done.push_back(eye);
+      noteTurnOver(run, *eye);
     }
   }
   run.guard().stopAndWait();

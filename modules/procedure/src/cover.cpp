@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 
+#include "resume.h"
 #include "run.h"
 #include "servocal/coverage/coverage.h"
 #include "servocal/plan/next_view.h"
@@ -44,7 +45,7 @@ int fill(Run& run, Eye& eye, coverage::Coverage& coverage, const plan::PlanOptio
   const Instant begin = run.clock().now();
   std::vector<Pose<Color, Board>> tried;
   std::map<std::optional<int>, int> failures;  // by cell; nothing: distances and tilts
-  int views = 0;
+  int views = &coverage == &eye.coverage ? 0 : viewsTaken(run, stage, eye, coverage);
   run.report(stage, eye, 0, max_views);
   while (views < max_views && !coverage.complete() && !eye.tooLate()) {
     const plan::Belief belief{eye.model(), *eye.bMc(), run.eMo(eye), run.mount()};

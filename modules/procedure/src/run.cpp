@@ -250,14 +250,18 @@ std::optional<std::string> Run::updateBelief(Eye& eye) {
     if (!eye.bMc()) return std::string(calib::toString(outcome.status));
     return std::nullopt;
   }
-  const double sigma_m = outcome.solution->board_sigma.head<3>().norm();
+  believe(eye, *std::move(outcome.solution));
+  return std::nullopt;
+}
+
+void Run::believe(Eye& eye, HandEyeSolution solution) {
+  const double sigma_m = solution.board_sigma.head<3>().norm();
   if (!eMo_ || sigma_m < eMo_sigma_m_) {
-    eMo_ = Pose<EndEffector, Board>(outcome.solution->board_pose);
+    eMo_ = Pose<EndEffector, Board>(solution.board_pose);
     eMo_sigma_m_ = sigma_m;
   }
-  eye.believe(*std::move(outcome.solution));
+  eye.believe(std::move(solution));
   keepClearOfWhatIsKnown();
-  return std::nullopt;
 }
 
 void Run::keepClearOfWhatIsKnown() {

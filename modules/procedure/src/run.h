@@ -47,6 +47,10 @@ class Run {
   /// saw the board.
   void lookOn();
 
+  /// What an earlier run of this session observed; before anything else is.
+  void takeOver(std::vector<Observation> observations) { observations_ = std::move(observations); }
+  /// A line in the session's log.
+  void log(const std::string& kind, const std::string& message) { session_.event(clock().now(), kind, message); }
   /// Reports progress.
   void report(const std::string& stage, const Eye& eye, int done, int planned, const std::string& message = {});
   /// All eyes, for those who watch.
@@ -77,6 +81,8 @@ class Run {
   /// seen; where the views do not determine that yet, from the mount that other eyes found. A sentence if
   /// neither is possible.
   std::optional<std::string> updateBelief(Eye& eye);
+  /// Takes over where an eye stands and the board sits.
+  void believe(Eye& eye, HandEyeSolution solution);
 
  private:
   struct Goal {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "resume.h"
 #include "run.h"
 
 namespace servocal::procedure {
@@ -62,6 +63,7 @@ void findTiltLimits(Run& run, Eye& color) {
 
   for (const Direction& direction : directions) {
     if (color.tooLate()) break;
+    if (hasTiltLimit(color, direction.name)) continue;  // Of an earlier run.
     Limit color_limit, infrared_limit;
     std::string ended_by = "cap";
     // Strides until the board is lost, then single steps from the last place where it was seen.
@@ -86,9 +88,11 @@ void findTiltLimits(Run& run, Eye& color) {
       angle_deg = color_limit.seen_deg;
     }
     color.tilt_limits.push_back({direction.name, color_limit.seen_deg * kDegree, ended_by, Stream::kColor});
+    noteTiltLimit(run, color, color.tilt_limits.back());
     if (infrared && infrared->bMc()) {
       infrared->tilt_limits.push_back({direction.name, infrared_limit.seen_deg * kDegree,
                                        infrared_limit.lost_deg ? "detection" : ended_by, Stream::kInfrared});
+      noteTiltLimit(run, *infrared, infrared->tilt_limits.back());
     }
     run.updateBelief(color);
     run.report("tilt", color, static_cast<int>(color.tilt_limits.size()), planned,

@@ -56,6 +56,11 @@ void Statement::rewind() {
   parameter_ = 0;
 }
 
+void Statement::reset() noexcept {
+  sqlite3_reset(statement_);
+  parameter_ = 0;
+}
+
 bool Statement::isNull(int column) const { return sqlite3_column_type(statement_, column) == SQLITE_NULL; }
 
 std::int64_t Statement::integer(int column) const { return sqlite3_column_int64(statement_, column); }
@@ -97,8 +102,8 @@ std::string immutableUri(const std::filesystem::path& file) {
 }  // namespace
 
 Database::Database(const std::filesystem::path& file, Access access) : file_(file) {
-  const int flags =
-      access == Access::kRead ? SQLITE_OPEN_READONLY : SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE;
+  int flags = access == Access::kRead ? SQLITE_OPEN_READONLY : SQLITE_OPEN_READWRITE;
+  if (access == Access::kCreate) flags |= SQLITE_OPEN_CREATE;
   int code = open(file.string(), flags);
   if (code != SQLITE_OK && access == Access::kRead && canBeReadAsImmutable(file)) {
     sqlite3_close(handle_);
@@ -130,6 +135,12 @@ void Database::execute(const char* sql) const {
 bool Database::hasTable(const char* name) const {
   Statement query(*this, "SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = ?");
   query.bind(std::string(name));
+  return query.step();
+}
+
+bool Database::hasColumn(const char* table, const char* name) const {
+  Statement query(*this, "SELECT 1 FROM pragma_table_info(?) WHERE name = ?");
+  query.bind(std::string(table)).bind(std::string(name));
   return query.step();
 }
 

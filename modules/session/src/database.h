@@ -29,6 +29,8 @@ class Statement {
   bool step();
   /// Makes the statement ready for new parameters.
   void rewind();
+  /// The same after an error too, which it does not report again.
+  void reset() noexcept;
   /// Runs to the end and makes the statement ready for new parameters.
   void run();
 
@@ -48,7 +50,7 @@ class Statement {
 /// One SQLite file.
 class Database {
  public:
-  enum class Access { kCreate, kRead };
+  enum class Access { kCreate, kWrite, kRead };  ///< kWrite: what is there already.
   /// @throws Error (kBadData) if it cannot be opened.
   Database(const std::filesystem::path& file, Access access);
   ~Database();
@@ -57,6 +59,7 @@ class Database {
 
   void execute(const char* sql) const;
   bool hasTable(const char* name) const;
+  bool hasColumn(const char* table, const char* name) const;
   std::int64_t lastId() const { return sqlite3_last_insert_rowid(handle_); }
   sqlite3* handle() const { return handle_; }
   /// @throws Error (kBadData) with the file's name and SQLite's reason.

@@ -3,11 +3,11 @@
 
 namespace servocal::session {
 
-constexpr int kSchemaVersion = 3;
-constexpr int kOldestReadable = 2;  // Before 3 there was no depth.
+constexpr int kSchemaVersion = 4;
+constexpr int kOldestReadable = 2;  // Before 3 there was no depth, before 4 images had no hashes.
 
 /// docs/session-format.md explains every column.
-constexpr const char* kSchema = R"sql(
+constexpr const char* kTables = R"sql(
 CREATE TABLE meta (
   key TEXT PRIMARY KEY,
   value                               -- as stored: text, integer or real
@@ -31,7 +31,8 @@ CREATE TABLE view (
   width_px INTEGER NOT NULL,
   height_px INTEGER NOT NULL,
   orientation_known INTEGER NOT NULL,
-  image_file TEXT NOT NULL            -- relative to the session folder; empty: none kept
+  image_file TEXT NOT NULL,           -- relative to the session folder; empty: none kept
+  image_sha256 TEXT NOT NULL          -- of the file, hexadecimal; empty: none kept, or from before version 4
 );
 CREATE INDEX view_of_observation ON view(observation_id);
 CREATE TABLE corner (
@@ -41,28 +42,6 @@ CREATE TABLE corner (
   var_u_px2 REAL, cov_uv_px2 REAL, var_v_px2 REAL,
   PRIMARY KEY (view_id, id)
 ) WITHOUT ROWID;
-CREATE TABLE depth (                  -- what the depth image said about the board; infrared views
-  view_id INTEGER PRIMARY KEY REFERENCES view(id),
-  plane_rms_m REAL,
-  valid_share REAL,
-  frames INTEGER NOT NULL,
-  image_file TEXT NOT NULL            -- 16-bit PNG; empty: none kept
-);
-CREATE TABLE corner_depth (
-  view_id INTEGER NOT NULL REFERENCES view(id),
-  id INTEGER NOT NULL,                -- index of the board's inner corner
-  depth_m REAL,
-  pixels INTEGER NOT NULL,
-  PRIMARY KEY (view_id, id)
-) WITHOUT ROWID;
-CREATE TABLE depth_patch (
-  id INTEGER PRIMARY KEY,
-  view_id INTEGER NOT NULL REFERENCES view(id),
-  u_px REAL, v_px REAL,
-  depth_m REAL, sigma_m REAL,
-  pixels INTEGER NOT NULL
-);
-CREATE INDEX patch_of_view ON depth_patch(view_id);
 CREATE TABLE attempt (
   id INTEGER PRIMARY KEY,
   stage TEXT NOT NULL,
@@ -80,6 +59,39 @@ CREATE TABLE event (
   kind TEXT NOT NULL,
   message TEXT NOT NULL
 );
+)sql";
+
+/// Since version 3.
+constexpr const char* kDepthTables = R"sql(
+CREATE TABLE depth (                  -- what the depth image said about the board; infrared views
+  view_id INTEGER PRIMARY KEY REFERENCES view(id),
+  plane_rms_m REAL,
+  valid_share REAL,
+  frames INTEGER NOT NULL,
+  image_file TEXT NOT NULL,           -- 16-bit PNG; empty: none kept
+  image_sha256 TEXT NOT NULL
+);
+CREATE TABLE corner_depth (
+  view_id INTEGER NOT NULL REFERENCES view(id),
+  id INTEGER NOT NULL,                -- index of the board's inner corner
+  depth_m REAL,
+  pixels INTEGER NOT NULL,
+  PRIMARY KEY (view_id, id)
+) WITHOUT ROWID;
+CREATE TABLE depth_patch (
+  id INTEGER PRIMARY KEY,
+  view_id INTEGER NOT NULL REFERENCES view(id),
+  u_px REAL, v_px REAL,
+  depth_m REAL, sigma_m REAL,
+  pixels INTEGER NOT NULL
+);
+CREATE INDEX patch_of_view ON depth_patch(view_id);
+)sql";
+
+/// From version 3 to 4.
+constexpr const char* kAddHashes = R"sql(
+ALTER TABLE view ADD COLUMN image_sha256 TEXT NOT NULL DEFAULT '';
+ALTER TABLE depth ADD COLUMN image_sha256 TEXT NOT NULL DEFAULT '';
 )sql";
 
 }  // namespace servocal::session

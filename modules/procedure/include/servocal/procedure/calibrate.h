@@ -44,6 +44,7 @@ using EventSink = std::function<void(const Event&)>;
 struct CalibrateOptions {
   std::vector<std::string> cameras;  ///< Only these, by name; all if empty.
   GivenIntrinsics given_intrinsics;  ///< Believed instead of solved.
+  std::string arm;                   ///< Model and serial number, kept in the session; it is resumed with no other.
   bool hand_eye_only = false;        ///< No tilt limits and no coverage: only where the cameras stand.
 };
 
@@ -55,11 +56,15 @@ struct CalibrateOptions {
 /// CalibrationResult::missing, and the others go on. Ends with the arm at rest.
 /// Who watches through `on_look` changes nothing of the run.
 ///
+/// A session that holds observations already is resumed: what they say is taken over, a few of its views are looked
+/// at again to see that nothing moved meanwhile, and the run goes on at the camera, stage and view where it stopped.
+///
 /// Source: Miseikis, Glette, Elle, Torresen, "Automatic Calibration of a Robot Manipulator and Multi 3D
 /// Camera System", 2016, Algorithm 1.
 ///
 /// @throws Error kInterrupted when the operator stopped the run (the session keeps what was seen),
-///   kSafetyStop and kHardwareAbsent from the devices, kBadData from the disk.
+///   kSafetyStop and kHardwareAbsent from the devices, kBadData from the disk or if something moved since the session
+///   to be resumed was interrupted, kRefusedToMove if arm, cameras or options are not that session's.
 CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, session::Session& session,
                             const EventSink& on_event, const CalibrateOptions& options = {},
                             const LookSink& on_look = {});

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <filesystem>
+#include <iostream>
+
+#include "servocal/app/main.h"
+#include "servocal/app/progress.h"
+#include "servocal/app/stop_on_signal.h"
+#include "servocal/core/cell_config.h"
+#include "servocal/core/error.h"
+#include "servocal/procedure/check.h"
+#include "servocal/procedure/summary.h"
+#include "servocal/robot/guard.h"
+#include "servocal/session/session.h"
+#include "servocal/sim/cell.h"
+
+namespace {
+
+using namespace servocal;
+namespace fs = std::filesystem;
+
+constexpr const char* kFooter = R"(
+The test: every deviation is measured against the result's standard deviations and the robot's accuracy;
+when nothing has changed, 1 check in 100 says that something has. What it finds: docs/results.md.
+
+With --repair the poses of what moved are replaced in the result file; the file as it was is kept beside it,
+with the ending .before-repair. Changed intrinsics need a calibration.
+
+Example:
+  $ servocal-check cell.yaml --result runs/first/result.yaml
+)";
+
+/// check-1, check-2, ... beside the result.
+fs::path freeFolder(const fs::path& result) {
+  for (int number = 1;; ++number) {
+    const fs::path folder = result.parent_path() / ("check-" + std::to_string(number));
+    if (!fs::exists(folder)) return folder;
+  }
+}
+
+void print(const procedure::CheckVerdict& verdict) {
+  for (const procedure::CameraCheck& camera : verdict.cameras) {
+    std::cout << camera.camera << ": " << camera.views << " views, predicted to " << camera.rms_px
+              << " px RMS\n";
+  }
+  std::cout << verdict.sentence << '\n';
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App cli(
+      "Asks whether a calibration still holds: the arm carries the board to a few views, in less than a\n"
+      "minute. Says OK, or what moved, by how much and which way. Moves the simulated arm; real arms are\n"
+      "not supported yet.",
+      "servocal-check");
+  cli.footer(kFooter);
+  std::string cell_file;
+  fs::path result_file, out;
+  std::uint64_t seed = 1;
+  bool repair = false;
+  cli.add_option("CELL", cell_file, "Cell file; the built-in simulated cell if not given");
+  cli.add_option("--result", result_file, "Result file of the calibration")->required();
+  cli.add_option("--out", out,
+                 "Folder for the views taken; check-1, check-2, ... beside the result if not given");
+  cli.add_option("--seed", seed, "Seed of the simulated cell")->capture_default_str();
+  cli.add_flag("--repair", repair, "Put right in the result file what moved, and only that");
+  return app::guardedMain(cli, argc, argv, [&] {
+    const CellConfig cell = cell_file.empty() ? defaultCell() : loadCell(cell_file);
+    if (cell.arm.backend != ArmBackend::kSim) {
+      throw Error(ErrorKind::kRefusedToMove,
+                  "the cell's arm is a real one, which this program does not move yet");
+    }
+    const CalibrationResult stored = session::loadResult(result_file);
+    if (out.empty()) out = freeFolder(result_file);
+    session::Session session = session::Session::create(out, cell, seed);
+    sim::Cell simulation(cell, seed);
+    const robot::Kinematics kinematics(cell.arm);
+    robot::Guard guard(simulation.arm(), kinematics, simulation.clock(), cell);
+    const app::StopOnSignal stop([&] { guard.operatorStop(); });
+    procedure::Devices devices{simulation.clock(), guard, {}};
+    for (const CameraConfig& camera : cell.cameras)
+      devices.cameras.push_back(&simulation.camera(camera.name));
+    app::Progress progress;
+    const procedure::CheckVerdict verdict =
+        procedure::check(cell, devices, stored, session,
+                         [&](const procedure::Event& event) { progress.show(procedure::line(event)); });
+    progress.finish();
+    print(verdict);
+    if (const auto span = guard.motionSpan()) {
+      std::cout << "The arm moved for " << toSeconds(span->second - span->first) << " s. Views are in "
+                << out.string() << '\n';
+    }
+    if (verdict.status == procedure::CheckStatus::kOk) return app::kOk;
+    if (!repair || verdict.status != procedure::CheckStatus::kChanged) return app::kGoalNotMet;
+    const procedure::Repaired repaired = procedure::repaired(stored, verdict);
+    fs::copy_file(result_file, result_file.string() + ".before-repair", fs::copy_options::overwrite_existing);
+    session::saveResult(result_file, repaired.result);
+    std::cout << "Wrote " << result_file.string() << '\n';
+    return repaired.whole ? app::kOk : app::kGoalNotMet;
+  });
+}
