@@ -17,8 +17,6 @@ CellConfig colorOnly(const CellConfig& cell) {
   return color;
 }
 
-int viewsPerCamera(std::size_t cameras) { return cameras == 1 ? 6 : cameras == 2 ? 4 : 3; }
-
 /// Views taken; each camera's neighbors look at the same time.
 int takeViews(Run& run, Eye& eye, int wanted) {
   int taken = 0;
@@ -54,7 +52,7 @@ CheckVerdict check(const CellConfig& full_cell, const Devices& devices, const Ca
       if (camera.camera == eye.camera()) run.believe(eye, *camera.hand_eye);
     }
   }
-  for (Eye& eye : run.eyes()) takeViews(run, eye, viewsPerCamera(run.eyes().size()));
+  for (Eye& eye : run.eyes()) takeViews(run, eye, checkViewsOfEach(run.eyes().size()));
   run.guard().stopAndWait();
   CheckOptions check_options;
   check_options.robot_sigma_m = cell.arm.accuracy_m;

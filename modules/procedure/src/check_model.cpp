@@ -19,7 +19,7 @@ constexpr double kFreeFocal = 0.1, kFreePrincipal = 0.05,
                  kFreeDistortion = 0.3;  // of f, of the width, absolute
 constexpr double kKnownExactly =
     1e-9;  // share of the free deviation, for intrinsics that came without covariance
-constexpr double kAlike = 0.5;          // share of the robot's error that all stops of a check have in common
+constexpr double kAlike = 0.3;          // share of the robot's error that all stops of a check have in common
 constexpr double kLostCorner = 1e4;  // cost of a corner that cannot be where it is seen
 constexpr int kIterations = 30;
 

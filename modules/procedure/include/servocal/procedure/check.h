@@ -64,7 +64,7 @@ struct CheckOptions {
 ///   z = project(k_c, bMc^-1 bMe C_i eMo X) + noise
 ///
 /// with a prior on everything: the stored intrinsics k_c with their covariance, the stored camera and board
-/// poses with theirs (half of the robot's accuracy added: its error is partly alike at all stops), and one robot
+/// poses with theirs (with 0.3 of the robot's accuracy added: its error is partly alike at all stops), and one robot
 /// error C_i per stop. Then one part at a time is set free: where a camera stands (6), its intrinsics, the
 /// mount (6). Twice the gain in log likelihood is at most chi-square with as many degrees of freedom if
 /// nothing has changed; the part that explains most, if that is more than chance (false_alarm divided by the
@@ -96,6 +96,10 @@ Repaired repaired(const CalibrationResult& stored, const CheckVerdict& verdict);
 /// Board poses in a camera's image that tell apart what can have changed: places over the image, two
 /// distances, turned and tilted each in its own way. The most useful first.
 std::vector<Pose<Color, Board>> checkViews(const CameraModel& camera, double near_distance_m);
+
+/// How many of them are taken of each camera, so that a check stays below a minute: 8 of one, 6 of each of two, 4 of
+/// each of more.
+int checkViewsOfEach(std::size_t cameras);
 
 /// Drives to a handful of views of each camera, by the robot's states alone, observes there and judges. Every
 /// observation is in the session first. Ends with the arm at rest.
