@@ -62,13 +62,14 @@ int main(int argc, char** argv) {
   cli.add_flag("--hand-eye-only", options.hand_eye_only, "Only where the cameras stand: no tilt limits, no coverage")
       ->needs("--intrinsics");
   live::ServerOptions live_options;
-  bool live = false, json = false;
-  cli.add_flag("--live", live, "Serve a page to watch the run, with a button that stops the arm");
+  bool watched = false, json = false;
+  cli.add_flag("--live", watched, "Serve a page to watch the run, with a button that stops the arm");
   cli.add_option("--live-port", live_options.port, "Where the page is served; 0: any free port")
       ->check(CLI::Range(0, 65535))
       ->capture_default_str()
       ->needs("--live");
-  cli.add_option("--live-host", live_options.host, "And at which address of this machine, 0.0.0.0 for all of them")
+  cli.add_option("--live-host", live_options.host,
+                 "And at which address of this machine, 0.0.0.0 for all of them")
       ->capture_default_str()
       ->needs("--live");
   cli.add_flag("--json", json, "Print the result as JSON on stdout, the summary on stderr");
@@ -91,7 +92,6 @@ int main(int argc, char** argv) {
     if (resumed) seed = resumed->seed();
     for (const std::string& name : options.cameras) demandCamera(cell, name);
     if (!intrinsics_from.empty()) options.given_intrinsics = procedure::intrinsicsOf(session::loadResult(intrinsics_from));
-    session::Session session = resumed ? *std::move(resumed) : session::Session::create(out, cell, seed);
     sim::Cell simulation(cell, seed);
     const robot::Kinematics kinematics(cell.arm);
     robot::Guard guard(simulation.arm(), kinematics, simulation.clock(), cell);
@@ -100,13 +100,14 @@ int main(int argc, char** argv) {
     for (const CameraConfig& camera : cell.cameras) devices.cameras.push_back(&simulation.camera(camera.name));
     std::optional<live::Server> page;
     procedure::LookSink on_look;
-    if (live) {
+    if (watched) {
       page.emplace(cell, [&guard] { guard.operatorStop(); }, live_options);
       on_look = [&page](const procedure::Look& look) { page->show(look); };
       std::cerr << "Live page: " << page->url() << std::endl;
     }
     const robot::ArmInfo& arm = simulation.arm().info();
     options.arm = arm.model + " " + arm.serial;
+    session::Session session = resumed ? *std::move(resumed) : session::Session::create(out, cell, seed);
     app::Progress progress;
     const auto on_event = [&](const procedure::Event& event) {
       progress.show(procedure::line(event));
