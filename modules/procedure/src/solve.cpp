@@ -38,11 +38,14 @@ void solveInfrared(const BoardSpec& board, const std::vector<Observation>& obser
       std::count_if(observations.begin(), observations.end(), [&](const Observation& observation) {
         return has(observation, result.camera, Stream::kColor) && has(observation, result.camera, Stream::kInfrared);
       }));
-  calib::PairOutcome pair = calib::solveCameraPair(
-      board, {result.camera, Stream::kColor, result.intrinsics.camera},
-      {result.camera, Stream::kInfrared, result.infrared->camera}, observations);
+  const calib::PairCamera color{result.camera, Stream::kColor, result.intrinsics.camera};
+  const calib::PairCamera infrared{result.camera, Stream::kInfrared, result.infrared->camera};
+  calib::PairOutcome pair = calib::solveCameraPair(board, color, infrared, observations);
   if (pair.solution) {
     result.color_infrared = *std::move(pair.solution);
+  } else if (pair.status == calib::PairStatus::kNoCommonView && result.hand_eye && result.infrared_hand_eye) {
+    result.color_infrared = calib::pairByRobot(color, *result.hand_eye, infrared, *result.infrared_hand_eye);
+    result.notes.push_back("color and infrared never saw the board at once: their pose is by the robot");
   } else {
     missing.push_back("pose of infrared in color of " + result.camera + ": " + calib::toString(pair.status));
   }

@@ -39,7 +39,7 @@ struct PlanScene {
   robot::Kinematics kinematics{cell.arm};
   test::FakeArm arm{kinematics, clock, cell.arm.start_q};
   robot::Guard guard{arm, kinematics, clock, limits, cell.board};
-  coverage::Coverage coverage{cell.coverage, 1920, 1080};
+  coverage::Coverage coverage{cell.coverage, {0, 0, 1920, 1080}};
   Belief belief;
   PlanOptions options;
 };

@@ -41,4 +41,10 @@ struct PairOutcome {
 [[nodiscard]] PairOutcome solveCameraPair(const BoardSpec& board, const PairCamera& first, const PairCamera& second,
                                           const std::vector<Observation>& observations);
 
+/// The same for two cameras that never saw the board at once: by where the robot says each stands. Without views;
+/// the covariance takes the two hand-eye solutions as independent, though they share the robot's errors.
+/// @throws std::invalid_argument if one camera stands in the cell and the other on the flange.
+CameraPair pairByRobot(const PairCamera& first, const HandEyeSolution& first_stands, const PairCamera& second,
+                       const HandEyeSolution& second_stands);
+
 }  // namespace servocal::calib
