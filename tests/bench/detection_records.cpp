@@ -109,6 +109,19 @@ void printFalse(const std::vector<Record>& records, const std::string& camera, c
   }
 }
 
+// Of all frames in which the board is not, sought as it is.
+void printBoardFree(const std::vector<Record>& records, const std::string& camera) {
+  for (const std::string by : {"servocal", "classic", "sectors"}) {
+    Chosen all;
+    for (const char* kind : {"empty", "other", "covered"}) {
+      const Chosen some = choose(records, camera, kind, by);
+      all.insert(all.end(), some.begin(), some.end());
+    }
+    if (all.empty()) continue;
+    std::printf("board-free   %-10s %5zu | CPU ms %s\n", by.c_str(), all.size(), times(all).c_str());
+  }
+}
+
 double zStd(const Chosen& records) {
   double squares = 0.0;
   int count = 0;
@@ -149,6 +162,7 @@ void printCamera(const std::vector<Record>& records, const std::string& camera) 
   std::printf("tracked %ld of %zu | CPU ms %s\n", static_cast<long>(kept), tracked.size(),
               times(tracked).c_str());
   for (const char* kind : {"empty", "other", "other-plain", "covered"}) printFalse(records, camera, kind);
+  printBoardFree(records, camera);
 
   const Chosen tags = choose(records, camera, "tags", "servocal");
   const Chosen april = choose(records, camera, "tags", "apriltag");

@@ -23,6 +23,8 @@ constexpr double kMinStep = 12.0;    // Gray levels between black and white.
 constexpr double kMinBlur = 0.45, kMaxBlur = 8.0;  // px
 constexpr double kClear = 2.3;  // Of blur: nearer than this, the cells of the code show through.
 constexpr double kLeakPull = 0.5;
+constexpr double kSaturated = 254.0;
+constexpr double kLight = 0.004;   // Typical change of light along a line, of the half step per px.
 constexpr double kFloorPx = 0.01;  // Below this, print and lens decide, not noise.
 
 /// A line measured along a piece of a side. Its distance from the guess, towards the inside of the tag, is
@@ -108,9 +110,11 @@ std::optional<Line> fitLine(const cv::Mat& gray, const Vector2d& a, const Vector
   line.along = (b - a) / (2 * half);
   const Vector2d start = line.middle;
 
-  // Level, half step, offset, slope, blur.
-  using Vector = Eigen::Matrix<double, 5, 1>;
-  using Normal = Eigen::Matrix<double, 5, 5>;
+  // Level, half step, offset, slope, blur, and light along the line: a highlight that fades would else pass
+  // for a slope.
+  constexpr int kCount = 6;
+  using Vector = Eigen::Matrix<double, kCount, 1>;
+  using Normal = Eigen::Matrix<double, kCount, kCount>;
   for (int pass = 0; pass < 3; ++pass) {
     line.inwards = Vector2d(-line.along.y(), line.along.x());
     const double band = std::max(kMinBand, std::min(3.0 * blur + 0.7, border - kClear * blur));
@@ -125,7 +129,7 @@ std::optional<Line> fitLine(const cv::Mat& gray, const Vector2d& a, const Vector
     if (n1 < 3 || n2 < 3) return std::nullopt;
     double level = 0.5 * (g1 / n1 + g2 / n2), step = 0.5 * (g1 / n1 - g2 / n2);
     if (step < 0.25 * kMinStep) return std::nullopt;
-    double offset = 0.0, slope = 0.0;
+    double offset = 0.0, slope = 0.0, light = 0.0;
     const double first_blur = blur;
     Normal normal;
     double variance = 0.0;
@@ -133,20 +137,29 @@ std::optional<Line> fitLine(const cv::Mat& gray, const Vector2d& a, const Vector
       normal.setZero();
       Vector right = Vector::Zero();
       double squares = 0.0;
+      int used = 0;
       for (const Sample& sample : samples) {
         const double t = (sample.d - offset - slope * sample.u) / blur;
         double value, bell;
         error_function.at(t, value, bell);
-        const double error = sample.gray - (level - step * value);
+        const double expected = level - step * value + light * sample.u;
+        // What is brighter than the camera can show tells nothing, if it looks so.
+        if (expected >= kSaturated && sample.gray >= kSaturated) continue;
+        ++used;
+        const double error = sample.gray - expected;
         squares += error * error;
         const double by_offset = step * bell / blur;
-        const double j[5] = {1.0, -value, by_offset, by_offset * sample.u, by_offset * t};
-        for (int r = 0; r < 5; ++r) {
+        const double j[kCount] = {1.0, -value, by_offset, by_offset * sample.u, by_offset * t, sample.u};
+        for (int r = 0; r < kCount; ++r) {
           right[r] += j[r] * error;
           for (int c = 0; c <= r; ++c) normal(r, c) += j[r] * j[c];
         }
       }
-      variance = squares / std::max<double>(samples.size() - 5.0, 4.0);
+      variance = squares / std::max(used - kCount, 4);
+      // A narrow band does not tell light along the line from a slope: it is believed to be small.
+      const double light_weight = std::max(variance, 0.1) / std::pow(kLight * step, 2);
+      normal(5, 5) += light_weight;
+      right[5] -= light_weight * light;
       // A little damping of blur, which a narrow band does not determine.
       Normal damped = normal;
       damped(4, 4) += 0.04 * step * step;
@@ -157,6 +170,7 @@ std::optional<Line> fitLine(const cv::Mat& gray, const Vector2d& a, const Vector
       step += change[1];
       offset += std::clamp(change[2], -1.0, 1.0);
       slope += change[3];
+      light += change[5];
       blur = std::clamp(blur + change[4], std::max(kMinBlur, 0.6 * blur), std::min(kMaxBlur, 1.6 * blur));
       if (std::abs(offset) + half * std::abs(slope) > max_shift + 1.0) return std::nullopt;
       if (std::abs(change[2]) < 2e-3 && std::abs(change[3]) * half < 2e-3) break;
