@@ -4,6 +4,7 @@
 
 #include <visp3/vision/vpHandEyeCalibration.h>
 
+#include <iostream>
 #include <opencv2/calib3d.hpp>
 #include <optional>
 #include <vector>
@@ -72,6 +73,18 @@ inline vpHomogeneousMatrix vispOf(const Eigen::Isometry3d& pose) {
   return out;
 }
 
+/// ViSP prints what it finds.
+class Muted {
+ public:
+  Muted() : stdout_(std::cout.rdbuf(nullptr)) {}
+  ~Muted() { std::cout.rdbuf(stdout_); }
+  Muted(const Muted&) = delete;
+  Muted& operator=(const Muted&) = delete;
+
+ private:
+  std::streambuf* stdout_;
+};
+
 /// Nothing if ViSP says that it failed.
 inline std::optional<Eigen::Isometry3d> vispHandEye(const Stops& stops) {
   std::vector<vpHomogeneousMatrix> cMo, rMl;
@@ -80,6 +93,7 @@ inline std::optional<Eigen::Isometry3d> vispHandEye(const Stops& stops) {
     rMl.push_back(vispOf(stops.lMr[i].inverse().isometry()));  // ViSP too solves for a camera that moves
   }
   vpHomogeneousMatrix lMc;
+  const Muted muted;
   if (vpHandEyeCalibration::calibrate(cMo, rMl, lMc) != 0) return std::nullopt;
   Eigen::Isometry3d out = Eigen::Isometry3d::Identity();
   for (unsigned r = 0; r < 3; ++r) {

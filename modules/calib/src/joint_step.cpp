@@ -84,6 +84,10 @@ JointStep bestStep(const JointProblem& problem, const JointState& state, const J
   const std::vector<Body> bodies = bodiesOf(problem, state, solution);
   Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(size, size);
   Eigen::VectorXd gradient = Eigen::VectorXd::Zero(size);
+  Eigen::MatrixXd total = matrix;
+  for (std::size_t stop = 0; stop < problem.stops().size(); ++stop) {
+    if (const auto own = problem.linearizeStop(state, stop)) total += reducedMatrix(*own);
+  }
   JointStep best;
   for (std::size_t stop = problem.stops().size(); stop-- > 0;) {
     const std::optional<ArrowSystem> own = problem.linearizeStop(state, stop);
@@ -94,12 +98,13 @@ JointStep bestStep(const JointProblem& problem, const JointState& state, const J
     for (const Body& body : bodies) {
       if (!isSeenOnBothSides(body, stop)) continue;
       const Eigen::MatrixXd cross = body.moves.transpose() * matrix;
-      const Matrix6d after = cross * body.moves;
-      const Matrix6d score = after - cross * solution.covariance * cross.transpose();
-      // A camera that sees next to nothing new on one side has no step to tell.
-      constexpr double kLeastShare = 1e-4;
-      if (!(after.diagonal().minCoeff() > 0)) continue;
-      const Eigen::GeneralizedSelfAdjointEigenSolver<Matrix6d> shares(score, after, Eigen::EigenvaluesOnly);
+      const Matrix6d whole = body.moves.transpose() * total * body.moves;
+      const Matrix6d score = cross * body.moves - cross * solution.covariance * cross.transpose();
+      // Where one side says next to nothing of some direction, any small thing that is not in the model makes
+      // a step.
+      constexpr double kLeastShare = 0.02;
+      if (!(whole.diagonal().minCoeff() > 0)) continue;
+      const Eigen::GeneralizedSelfAdjointEigenSolver<Matrix6d> shares(score, whole, Eigen::EigenvaluesOnly);
       if (shares.info() != Eigen::Success || !(shares.eigenvalues().minCoeff() > kLeastShare)) continue;
       const Vector6d slope = body.moves.transpose() * gradient;
       // Of the step -score^-1 slope, whose covariance is score^-1 and what the arm fakes.

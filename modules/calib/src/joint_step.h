@@ -19,7 +19,8 @@ struct JointStep {
 /// Score test of a step of the board and of each camera (all its streams together) at each of the stops, all
 /// else free. Errors of an arm are smooth: in a part of the workspace they look like another pose of whatever
 /// is there. A step has to stand out from what the declared accuracy allows of that, and to be seen from five
-/// stops on either side. `solution` is where the state comes from, its covariance finite.
+/// stops on either side, which both must tell of every direction. `solution` is where the state comes from,
+/// its covariance finite.
 JointStep bestStep(const JointProblem& problem, const JointState& state, const JointSolution& solution);
 
 }  // namespace servocal::calib
