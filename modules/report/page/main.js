@@ -103,7 +103,7 @@ function poseRows(name, pose) {
 }
 
 function poseTable(rows) {
-  return table([['', (row) => row.what], ['axis', (row) => row.axis], ['place', (row) => row.place, true], ['rotation', (row) => row.turn, true]], rows);
+  return table([['', (row) => row.what], ['axis', (row) => row.axis], ['place', (row) => row.place, true], ['rotation vector', (row) => row.turn, true]], rows);
 }
 
 function handEyeSection(camera) {
