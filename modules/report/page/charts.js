@@ -134,11 +134,11 @@ export function tiltLimits(limits) {
 /** Infrared corners with their depth, drawn into the color image: where they were, and where they are now. */
 export function overlay(shown) {
   const rows = shown.corners.flatMap((corner) => [
-    {u: corner.color[0], v: corner.color[1], what: 'color camera sees it'},
-    ...(corner.before ? [{u: corner.before[0], v: corner.before[1], what: 'depth put there, before'}] : []),
-    ...(corner.after ? [{u: corner.after[0], v: corner.after[1], what: 'depth put there, after'}] : [])]);
+    {u: corner.color[0], v: corner.color[1], what: 'color sees it'},
+    ...(corner.before ? [{u: corner.before[0], v: corner.before[1], what: 'depth, before'}] : []),
+    ...(corner.after ? [{u: corner.after[0], v: corner.after[1], what: 'depth, after'}] : [])]);
   const axis = (field, title, reverse) => ({field, type: 'quantitative', title, scale: {zero: false, nice: false, reverse, padding: 12}});
-  const kinds = ['color camera sees it', 'depth put there, before', 'depth put there, after'];
+  const kinds = ['color sees it', 'depth, before', 'depth, after'];
   return spec(rows, {
     height: 260,
     mark: {type: 'point', size: 46, strokeWidth: 1.6, tooltip: true},

@@ -28,7 +28,8 @@ function verdict() {
   const {goal_met: met, missing, numbers} = data.verdict;
   const box = element('div', {class: met ? 'verdict met' : 'verdict'}, element('strong', {}, met ? 'Goal met' : 'Goal not met'));
   if (missing.length) box.append(element('ul', {}, ...missing.map((text) => element('li', {}, text))));
-  return [element('p', {class: 'kind'}, 'Calibration report'), box, matrix(numbers)];
+  return [element('p', {class: 'kind'}, 'Calibration report'), box, matrix(numbers),
+    element('p', {class: 'remark'}, 'Sigmas take the robot’s errors as independent from stop to stop. An arm’s are smooth: take no place as known better than the arm is accurate. The error in views that no solver saw counts more than any residual.')];
 }
 
 /** One line for each measure, one column for each camera. */
