@@ -27,6 +27,10 @@ with the ending .before-repair. Changed intrinsics need a calibration.
 
 Example:
   $ servocal-check cell.yaml --result runs/first/result.yaml
+  cam1: 8 views, predicted to 3.31 px RMS
+  Camera 'cam1' moved by 1.9 mm (x +0.8, y +1.4, z -0.9) and 0.01 degrees, along the axes of the robot's base.
+  Fix it, then repair where it stands, or calibrate it again.
+  The arm moved for 26.1 s. Views are in runs/first/check-1
 )";
 
 /// check-1, check-2, ... beside the result.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Whatever has become of a session's database: it is read, checked and repaired, or ends in an Error. The input is
 // damage to a sound one: four bytes at a time, place (3) and new value (1); an odd rest cuts the file.
+#include <functional>
 #include <iterator>
 
 #include "fuzz_files.h"

@@ -5,8 +5,10 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <cstdio>
 #include <random>
 
+#include "servocal/core/error.h"
 #include "servocal/session/check.h"
 #include "session_scene.h"
 #include "temporary_folder.h"
@@ -16,29 +18,55 @@ namespace {
 
 constexpr int kDeathsOfASession = 15;
 
-/// Starts the writer, kills it `lifetime_us` after it began, and returns the last id that it promised to have
-/// stored; 0 if none.
-std::int64_t promisedBeforeDeath(const std::filesystem::path& folder, useconds_t lifetime_us, bool& killed) {
+/// Writes a session as a run does, only without pause, until it is killed. Continues one that is there. Tells the id
+/// of every observation once it is promised to be stored.
+[[noreturn]] void writeOn(const std::filesystem::path& folder, int promises) {
+  try {
+    session::Session session = [&] {
+      try {
+        return session::Session::openForAppend(folder);
+      } catch (const Error&) {  // There is none, or its program died while making it.
+        return session::Session::create(folder, "name: killed", BoardSpec{}, 1);
+      }
+    }();
+    std::int64_t next = static_cast<std::int64_t>(session.observations().size()) + 1;
+    for (;; ++next) {
+      std::mt19937_64 random(static_cast<std::uint64_t>(next));
+      const Observation stored = session.add(test::randomObservation(random, true),
+                                             {test::noiseImage(next), {test::noiseImage(-next), {}}});
+      if (write(promises, &stored.id, sizeof stored.id) != sizeof stored.id) _exit(1);
+      Attempt attempt;
+      attempt.observation_id = stored.id;
+      session.add(attempt);
+      session.event(Instant(Duration(next)), "stage", "view " + std::to_string(next));
+    }
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "writer: %s\n", error.what());
+    _exit(1);
+  }
+}
+
+struct Death {
+  bool killed = false;     ///< False: it ended by itself.
+  std::int64_t last = 0;   ///< Id that it promised last to have stored; 0 if none.
+};
+
+/// Starts a writer and kills it after `lifetime_us`.
+Death deathOfAWriter(const std::filesystem::path& folder, useconds_t lifetime_us) {
   int promises[2];
   if (pipe(promises) != 0) throw std::runtime_error("no pipe");
   const pid_t writer = fork();
-  if (writer == 0) {
-    dup2(promises[1], STDOUT_FILENO);
-    close(promises[0]);
-    close(promises[1]);
-    execl(SERVOCAL_SESSION_WRITER, SERVOCAL_SESSION_WRITER, folder.c_str(), nullptr);
-    _exit(3);
-  }
+  if (writer == 0) writeOn(folder, promises[1]);
   close(promises[1]);
-  std::int64_t id = -1, last = 0;
-  if (read(promises[0], &id, sizeof id) == sizeof id) usleep(lifetime_us);
+  usleep(lifetime_us);
   kill(writer, SIGKILL);
   int status = 0;
   waitpid(writer, &status, 0);
-  killed = WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL;
-  while (read(promises[0], &id, sizeof id) == sizeof id) last = id;
+  Death death;
+  death.killed = WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL;
+  for (std::int64_t id = 0; read(promises[0], &id, sizeof id) == sizeof id;) death.last = id;
   close(promises[0]);
-  return last;
+  return death;
 }
 
 /// What is stored is what was written, to the last bit, images included.
@@ -59,19 +87,21 @@ void expectWhole(const std::filesystem::path& folder, std::int64_t promised) {
 
 TEST(Kill, NothingThatWasPromisedIsLost) {
   std::mt19937 random(20);
-  std::uniform_int_distribution<useconds_t> lifetime_us(0, 400000);
+  std::uniform_int_distribution<useconds_t> lifetime_us(0, 500000);
   int before_any_promise = 0;
   std::int64_t promises = 0;
   for (int kills = 0; kills < SERVOCAL_KILLS;) {
     const test::TemporaryFolder folder;
     std::int64_t promised = 0;
     for (int death = 0; death < kDeathsOfASession && kills < SERVOCAL_KILLS; ++death, ++kills) {
-      bool killed = false;
-      const std::int64_t last = promisedBeforeDeath(folder / "run", lifetime_us(random), killed);
+      const auto [killed, last] = deathOfAWriter(folder / "run", lifetime_us(random));
       ASSERT_TRUE(killed) << "the writer ended by itself, in kill " << kills;
       promises += last > promised ? last - promised : 0;
       promised = std::max(promised, last);
       before_any_promise += promised == 0;
+      if ((kills + 1) % 100 == 0) {
+        std::cout << kills + 1 << " kills, " << promises << " observations promised" << std::endl;
+      }
       if (promised == 0) continue;  // It may have died before there was a session.
       expectWhole(folder / "run", promised);
       ASSERT_FALSE(HasFailure()) << "kill " << kills;
