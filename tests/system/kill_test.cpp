@@ -51,20 +51,26 @@ struct Death {
   std::int64_t last = 0;   ///< Id that it promised last to have stored; 0 if none.
 };
 
-/// Starts a writer and kills it after `lifetime_us`.
-Death deathOfAWriter(const std::filesystem::path& folder, useconds_t lifetime_us) {
+/// Starts a writer, lets it promise `promises_heard` observations and kills it `then_us` later: what it is in the middle
+/// of then does not depend on how busy the machine is.
+Death deathOfAWriter(const std::filesystem::path& folder, int promises_heard, useconds_t then_us) {
   int promises[2];
   if (pipe(promises) != 0) throw std::runtime_error("no pipe");
   const pid_t writer = fork();
   if (writer == 0) writeOn(folder, promises[1]);
   close(promises[1]);
-  usleep(lifetime_us);
+  Death death;
+  std::int64_t id = 0;
+  while (promises_heard > 0 && read(promises[0], &id, sizeof id) == sizeof id) {
+    death.last = id;
+    --promises_heard;
+  }
+  usleep(then_us);
   kill(writer, SIGKILL);
   int status = 0;
   waitpid(writer, &status, 0);
-  Death death;
   death.killed = WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL;
-  for (std::int64_t id = 0; read(promises[0], &id, sizeof id) == sizeof id;) death.last = id;
+  while (read(promises[0], &id, sizeof id) == sizeof id) death.last = id;
   close(promises[0]);
   return death;
 }
@@ -87,18 +93,17 @@ void expectWhole(const std::filesystem::path& folder, std::int64_t promised) {
 
 TEST(Kill, NothingThatWasPromisedIsLost) {
   std::mt19937 random(20);
-  std::uniform_int_distribution<useconds_t> lifetime_us(0, 500000);
-  int before_any_promise = 0;
+  std::uniform_int_distribution<int> promises_heard(0, 2);
+  std::uniform_int_distribution<useconds_t> then_us(0, 60000);  // A stored observation takes some 30 ms.
   std::int64_t promises = 0;
   for (int kills = 0; kills < SERVOCAL_KILLS;) {
     const test::TemporaryFolder folder;
     std::int64_t promised = 0;
     for (int death = 0; death < kDeathsOfASession && kills < SERVOCAL_KILLS; ++death, ++kills) {
-      const auto [killed, last] = deathOfAWriter(folder / "run", lifetime_us(random));
+      const auto [killed, last] = deathOfAWriter(folder / "run", promises_heard(random), then_us(random));
       ASSERT_TRUE(killed) << "the writer ended by itself, in kill " << kills;
       promises += last > promised ? last - promised : 0;
       promised = std::max(promised, last);
-      before_any_promise += promised == 0;
       if ((kills + 1) % 100 == 0) {
         std::cout << kills + 1 << " kills, " << promises << " observations promised" << std::endl;
       }
@@ -107,11 +112,8 @@ TEST(Kill, NothingThatWasPromisedIsLost) {
       ASSERT_FALSE(HasFailure()) << "kill " << kills;
     }
   }
-  std::cout << SERVOCAL_KILLS << " kills, " << promises << " observations promised, all there; "
-            << before_any_promise << " deaths before the first.\n";
-  // That there was something to lose; on a busy machine few writers get far.
-  EXPECT_LT(before_any_promise, SERVOCAL_KILLS * 9 / 10);
-  EXPECT_GT(promises, SERVOCAL_KILLS / 10);
+  std::cout << SERVOCAL_KILLS << " kills, " << promises << " observations promised, all there.\n";
+  EXPECT_GE(promises, SERVOCAL_KILLS / 2);  // That there was something to lose.
 }
 
 }  // namespace
