@@ -6,6 +6,7 @@
 
 #include "servocal/app/main.h"
 #include "servocal/app/progress.h"
+#include "servocal/app_cameras/cameras.h"
 #include "servocal/core/cell_config.h"
 #include "servocal/core/error.h"
 #include "servocal/procedure/calibrate.h"
@@ -44,6 +45,8 @@ int main(int argc, char** argv) {
   cli.add_option("--seed", seed, "Seed of the simulated cell")->capture_default_str();
   procedure::CalibrateOptions options;
   std::filesystem::path intrinsics_from;
+  app::CameraOptions camera_options;
+  cli.add_flag("--lock-exposure", camera_options.lock_exposure, "Keep exposure and white balance as they are after 2 s");
   cli.add_option("--camera", options.cameras, "Only these cameras, by name");
   cli.add_option("--intrinsics", intrinsics_from, "Result file whose intrinsics are believed instead of solved");
   cli.add_flag("--hand-eye-only", options.hand_eye_only, "Only where the cameras stand: no tilt limits, no coverage")
@@ -56,8 +59,10 @@ int main(int argc, char** argv) {
     const CellConfig cell = cell_file.empty() ? defaultCell() : loadCell(cell_file);
     for (const std::string& name : options.cameras) demandCamera(cell, name);
     if (!intrinsics_from.empty()) options.given_intrinsics = procedure::intrinsicsOf(session::loadResult(intrinsics_from));
-    session::Session session = session::Session::create(out, cell.text, cell.board, seed);
     sim::Cell simulation(cell, seed);
+    const app::Cameras cameras(cell, simulation.clock(), &simulation, camera_options);
+    for (const std::string& note : cameras.notes()) std::cerr << "Note: " << note << '\n';
+    session::Session session = session::Session::create(out, cell.text, cell.board, seed);
     const robot::Kinematics kinematics(cell.arm);
     robot::Guard guard(simulation.arm(), kinematics, simulation.clock(), cell);
     guard_of_signals = &guard;
@@ -66,8 +71,7 @@ int main(int argc, char** argv) {
     action.sa_flags = SA_RESETHAND;  // a second Ctrl-C ends the program at once
     for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaction(signal, &action, nullptr);
 
-    procedure::Devices devices{simulation.clock(), guard, {}};
-    for (const CameraConfig& camera : cell.cameras) devices.cameras.push_back(&simulation.camera(camera.name));
+    procedure::Devices devices{simulation.clock(), guard, cameras.all()};
     app::Progress progress;
     CalibrationResult result = procedure::calibrate(
         cell, devices, session, [&](const procedure::Event& event) { progress.show(procedure::line(event)); }, options);
