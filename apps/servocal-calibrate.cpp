@@ -7,6 +7,7 @@
 #include "servocal/app/main.h"
 #include "servocal/app/progress.h"
 #include "servocal/app/stop_on_signal.h"
+#include "servocal/app_cameras/cameras.h"
 #include "servocal/core/cell_config.h"
 #include "servocal/core/error.h"
 #include "servocal/live/server.h"
@@ -57,6 +58,8 @@ int main(int argc, char** argv) {
   cli.add_option("--seed", seed, "Seed of the simulated cell")->capture_default_str()->excludes(resumes);
   procedure::CalibrateOptions options;
   std::filesystem::path intrinsics_from;
+  app::CameraOptions camera_options;
+  cli.add_flag("--lock-exposure", camera_options.lock_exposure, "Keep exposure and white balance as they are after 2 s");
   cli.add_option("--camera", options.cameras, "Only these cameras, by name");
   cli.add_option("--intrinsics", intrinsics_from, "Result file whose intrinsics are believed instead of solved");
   cli.add_flag("--hand-eye-only", options.hand_eye_only, "Only where the cameras stand: no tilt limits, no coverage")
@@ -93,11 +96,12 @@ int main(int argc, char** argv) {
     for (const std::string& name : options.cameras) demandCamera(cell, name);
     if (!intrinsics_from.empty()) options.given_intrinsics = procedure::intrinsicsOf(session::loadResult(intrinsics_from));
     sim::Cell simulation(cell, seed);
+    const app::Cameras cameras(cell, simulation.clock(), &simulation, camera_options);
+    for (const std::string& note : cameras.notes()) std::cerr << "Note: " << note << '\n';
     const robot::Kinematics kinematics(cell.arm);
     robot::Guard guard(simulation.arm(), kinematics, simulation.clock(), cell);
     const app::StopOnSignal stop([&] { guard.operatorStop(); });
-    procedure::Devices devices{simulation.clock(), guard, {}};
-    for (const CameraConfig& camera : cell.cameras) devices.cameras.push_back(&simulation.camera(camera.name));
+    procedure::Devices devices{simulation.clock(), guard, cameras.all()};
     std::optional<live::Server> page;
     procedure::LookSink on_look;
     if (watched) {

@@ -16,6 +16,7 @@ find_package(fcl 0.7 REQUIRED)
 find_package(ompl 1.5 REQUIRED)
 pkg_check_modules(cairo REQUIRED IMPORTED_TARGET cairo cairo-pdf)
 pkg_check_modules(httplib REQUIRED IMPORTED_TARGET cpp-httplib)
+pkg_check_modules(libusb REQUIRED IMPORTED_TARGET libusb-1.0)
 
 # OpenNI2 ships a pkg-config file alone, which names the library without its folder.
 pkg_check_modules(openni2 REQUIRED IMPORTED_TARGET libopenni2)
@@ -46,4 +47,5 @@ target_link_libraries(servocal_kdl INTERFACE ${orocos_kdl_LIBRARIES})
 
 if(BUILD_TESTING)
   find_package(GTest REQUIRED)
+  pkg_check_modules(umockdev REQUIRED IMPORTED_TARGET umockdev-1.0)  # a mocked USB
 endif()

@@ -15,6 +15,8 @@ MODULES = {
     "core": set(),
     "board": {"core"},
     "sensor": {"core"},
+    "sensor_usb": {"core"},
+    "sensor_openni2": {"core", "sensor", "sensor_usb"},
     "robot": {"core"},
     "robot_ur": {"core", "robot"},
     "coverage": {"core"},
@@ -23,12 +25,14 @@ MODULES = {
     "servo": {"core", "robot", "coverage"},
     "plan": {"core", "coverage", "calib", "robot"},
     "sim": {"core", "board", "robot", "sensor"},
+    "sim_openni2_driver": {"core", "sensor"},  # serves any camera; knows no simulator
     "sim_ur_controller": set(),  # uses sim's own ur5.h and nothing of the driver it is there to test
     "report": {"core", "calib", "robot", "session"},
     "ros2": {"core", "sensor", "robot", "board"},
     "procedure": {"core", "board", "sensor", "robot", "coverage", "calib", "session", "servo", "plan"},
     "live": {"core", "procedure", "sensor"},
     "app": {"core"},
+    "app_cameras": {"core", "sensor", "sensor_openni2", "sim", "sim_openni2_driver"},  # every driver there is
 }
 
 # The one header of core that knows ViSP; its own target, core_visp.
@@ -51,7 +55,7 @@ LIBRARIES = {
     "FCL": ("fcl/",),
     "AprilTag": ("apriltag/",),
     "Cairo": ("cairo/", "cairo.h", "cairo-pdf.h"),
-    "OpenNI2": ("OpenNI.h", "openni2/"),
+    "OpenNI2": ("OpenNI.h", "Driver/Oni"),
     "libfreenect": ("libfreenect",),
     "libusb": ("libusb",),
     "CLI11": ("CLI/",),
@@ -63,12 +67,15 @@ LIBRARIES = {
 IN_SOURCES = {
     "core": {"yaml-cpp"},
     "board": {"OpenCV", "AprilTag", "Cairo"},
-    "sensor": {"OpenCV", "OpenNI2", "libfreenect", "libusb"},
+    "sensor": {"OpenCV"},
+    "sensor_usb": {"libusb"},
+    "sensor_openni2": {"OpenCV", "OpenNI2"},
     "robot": {"KDL", "urdfdom", "OMPL", "FCL"},
     "calib": {"OpenCV", "Ceres"},
     "session": {"OpenCV", "SQLite", "nlohmann-json", "OpenSSL"},  # OpenSSL: SHA-256
     "servo": {"ViSP"},
     "sim": {"OpenCV", "urdfdom"},
+    "sim_openni2_driver": {"OpenCV", "OpenNI2"},
     "report": {"nlohmann-json"},
     "ros2": {"Cyclone DDS", "OpenCV"},
     "live": {"httplib", "nlohmann-json", "OpenCV"},  # OpenCV: JPEGs

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "servocal/app_cameras/cameras.h"
+
+#include <optional>
+
+#include "servocal/core/error.h"
+#include "servocal/sensor_openni2/camera.h"
+#include "servocal/sim_openni2_driver/served_cameras.h"
+
+namespace servocal::app {
+namespace {
+
+[[noreturn]] void refuse(const CameraConfig& camera, const std::string& why) {
+  throw Error(ErrorKind::kInvalidConfig, "Camera '" + camera.name + "': " + why);
+}
+
+}  // namespace
+
+struct Cameras::Impl {
+  std::optional<sim_openni2_driver::ServedCameras> served;  // Must go last: open cameras use it.
+  std::vector<std::unique_ptr<sensor::RgbdCamera>> own;
+  std::vector<sensor::RgbdCamera*> all;
+  std::vector<std::string> notes;
+
+  void serve(const CellConfig& cell, sim::Cell& simulation) {
+    std::vector<sim_openni2_driver::Served> devices;
+    for (const CameraConfig& camera : cell.cameras) {
+      if (camera.backend == CameraBackend::kOpenNi2) devices.push_back({&simulation.camera(camera.name)});
+    }
+    if (!devices.empty()) served.emplace(simulation.clock(), devices);
+  }
+
+  void openOpenNi2(CameraConfig camera, Clock& clock, bool simulated, const CameraOptions& options) {
+    if (simulated) camera.device = sim_openni2_driver::uriOf(camera.name);
+    openni2::OpenOptions how;
+    how.lock_exposure = options.lock_exposure;
+    openni2::OpenedCamera opened = openni2::openCamera(camera, clock, how);
+    for (const std::string& note : opened.notes) notes.push_back("camera '" + camera.name + "': " + note);
+    keep(std::move(opened.camera));
+  }
+
+  void keep(std::unique_ptr<sensor::RgbdCamera> camera) {
+    all.push_back(camera.get());
+    own.push_back(std::move(camera));
+  }
+};
+
+Cameras::Cameras(const CellConfig& cell, Clock& clock, sim::Cell* simulation, const CameraOptions& options)
+    : impl_(std::make_unique<Impl>()) {
+  if (simulation != nullptr) impl_->serve(cell, *simulation);
+  for (const CameraConfig& camera : cell.cameras) {
+    switch (camera.backend) {
+      case CameraBackend::kSim:
+        if (simulation == nullptr) refuse(camera, "the backend 'sim' needs a simulated arm.");
+        impl_->all.push_back(&simulation->camera(camera.name));
+        break;
+      case CameraBackend::kOpenNi2: impl_->openOpenNi2(camera, clock, simulation != nullptr, options); break;
+      case CameraBackend::kFreenect:
+      case CameraBackend::kV4l2: refuse(camera, "this driver is not there yet.");
+    }
+  }
+}
+
+Cameras::~Cameras() = default;
+
+const std::vector<sensor::RgbdCamera*>& Cameras::all() const { return impl_->all; }
+const std::vector<std::string>& Cameras::notes() const { return impl_->notes; }
+
+}  // namespace servocal::app
