@@ -23,7 +23,7 @@ constexpr double kMinStep = 12.0;    // Gray levels between black and white.
 constexpr double kMinBlur = 0.45, kMaxBlur = 8.0;  // px
 constexpr double kClear = 2.3;  // Of blur: nearer than this, the cells of the code show through.
 constexpr double kLeakPull = 0.5;
-constexpr double kSaturated = 254.0;
+constexpr double kSaturated = 254.0, kBeyondSaturated = 256.0;  // Gray levels; paper that is just white is the former.
 constexpr double kLight = 0.004;   // Typical change of light along a line, of the half step per px.
 constexpr double kFloorPx = 0.01;  // Below this, print and lens decide, not noise.
 
@@ -144,7 +144,7 @@ std::optional<Line> fitLine(const cv::Mat& gray, const Vector2d& a, const Vector
         error_function.at(t, value, bell);
         const double expected = level - step * value + light * sample.u;
         // What is brighter than the camera can show tells nothing, if it looks so.
-        if (expected >= kSaturated && sample.gray >= kSaturated) continue;
+        if (expected >= kBeyondSaturated && sample.gray >= kSaturated) continue;
         ++used;
         const double error = sample.gray - expected;
         squares += error * error;
