@@ -23,7 +23,7 @@ constexpr double kMinStep = 12.0;    // Gray levels between black and white.
 constexpr double kMinBlur = 0.45, kMaxBlur = 8.0;  // px
 constexpr double kClear = 2.3;  // Of blur: nearer than this, the cells of the code show through.
 constexpr double kLeakPull = 0.5;
-constexpr double kSaturated = 254.0, kBeyondSaturated = 256.0;  // Gray levels; paper that is just white is the former.
+constexpr double kSaturated = 254.0, kBeyondWeight = 0.1;
 constexpr double kLight = 0.004;   // Typical change of light along a line, of the half step per px.
 constexpr double kFloorPx = 0.01;  // Below this, print and lens decide, not noise.
 
@@ -143,16 +143,18 @@ std::optional<Line> fitLine(const cv::Mat& gray, const Vector2d& a, const Vector
         double value, bell;
         error_function.at(t, value, bell);
         const double expected = level - step * value + light * sample.u;
-        // What is brighter than the camera can show tells nothing, if it looks so.
-        if (expected >= kBeyondSaturated && sample.gray >= kSaturated) continue;
-        ++used;
-        const double error = sample.gray - expected;
+        // What is brighter than the camera can show pulls at nothing, if it looks so; but where all of the
+        // paper is as white as can be, its level must not drift.
+        const bool beyond = expected >= kSaturated && sample.gray >= kSaturated;
+        const double weight = beyond ? kBeyondWeight : 1.0;
+        const double error = beyond ? 0.0 : sample.gray - expected;
+        used += !beyond;
         squares += error * error;
         const double by_offset = step * bell / blur;
         const double j[kCount] = {1.0, -value, by_offset, by_offset * sample.u, by_offset * t, sample.u};
         for (int r = 0; r < kCount; ++r) {
           right[r] += j[r] * error;
-          for (int c = 0; c <= r; ++c) normal(r, c) += j[r] * j[c];
+          for (int c = 0; c <= r; ++c) normal(r, c) += weight * j[r] * j[c];
         }
       }
       variance = squares / std::max(used - kCount, 4);

@@ -79,23 +79,27 @@ std::optional<std::string> bootstrap(Run& run, Eye& eye) {
   };
   const double margin_px = marginPx(*start_seen, eye.model());
   int done = 1;
+  std::string blocked;  // A probe that the arm cannot make is left out; the others may do.
   for (const Probe& probe : probes) {
     // A first small step shows how the board moves in the image, which nothing else could tell yet.
-    if (auto blocked = run.moveTo(moved(probe, kFirstFraction))) return blocked;
+    if (const auto reason = run.moveTo(moved(probe, kFirstFraction))) {
+      blocked = " " + *reason;
+      continue;
+    }
     if (const auto seen = seeBoard(run, eye)) {
       const double full_motion_px = largestMotionPx(*start_seen, *seen) / kFirstFraction;
       const double fraction = std::min(1.0, (margin_px - kKeepMarginPx) / std::max(full_motion_px, 1.0));
       if (fraction > kFirstFraction) {
-        if (auto blocked = run.moveTo(moved(probe, fraction))) return blocked;
+        if (const auto reason = run.moveTo(moved(probe, fraction))) blocked = " " + *reason;
       }
       if (run.observe("bootstrap", eye)) ++done;
     }
     run.report("bootstrap", eye, done, planned);
   }
-  if (auto blocked = run.moveTo(bMe_start)) return blocked;
+  if (const auto reason = run.moveTo(bMe_start)) return reason;
   if (run.observe("bootstrap", eye)) ++done;
   if (const auto why = run.updateBelief(eye)) {
-    return "The probing motions do not determine where the camera stands: " + *why;
+    return "The probing motions do not determine where the camera stands: " + *why + blocked;
   }
   run.report("bootstrap", eye, done, planned, "First eye-to-hand estimate.");
   return std::nullopt;
