@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <cmath>
 #include <stdexcept>
+#include <utility>
 
 #include "servocal/core/mount.h"
 #include "servocal/servo/drive.h"
@@ -14,7 +16,8 @@ namespace {
 // Where the belief is rough, a board predicted this far outside the image may still be inside.
 constexpr double kRoughPx = 60.0;
 constexpr double kEdgeOn = 0.15;  // cosine of the angle to the line of sight
-constexpr std::size_t kSightsToCompare = 90;  // three seconds of motion
+constexpr std::size_t kSightsToCompare = 60;  // two seconds of motion
+constexpr double kClocksAgreeS = 0.006;
 constexpr double kClockSearchS = 0.15;
 constexpr double kSureOfHeight = 0.015, kSureCosine = 0.5;
 
@@ -99,14 +102,17 @@ void Eye::compareClocks(const std::vector<RobotState>& path, const Pose<EndEffec
   calib::TimeOffsetOptions options;
   options.search_s = kClockSearchS;
   const calib::TimeOffset offset = calib::estimateTimeOffset(in_motion_, path, eMo, options);
-  if (offset.status == calib::TimeOffsetStatus::kSolved) {
-    time_offset_ = offset;
-    device_.setOffset(stream_, offset.offset_s);
-    if (hasDepth()) device_.setOffset(Stream::kDepth, offset.offset_s);
-    in_motion_.clear();
-  } else if (in_motion_.size() > 4 * kSightsToCompare) {
-    in_motion_.clear();  // Others may tell.
-  }
+  in_motion_.clear();
+  // No image arrives before it is exposed.
+  const bool is_possible = offset.status == calib::TimeOffsetStatus::kSolved && camera_.latency_s + offset.offset_s > 0.0;
+  if (!is_possible) return;
+  // A wrong one would make the eye blind or its frames stale: two answers from different drives must agree.
+  const std::optional<calib::TimeOffset> before = std::exchange(first_offset_, offset);
+  if (!before || std::abs(before->offset_s - offset.offset_s) > kClocksAgreeS) return;
+  time_offset_ = offset;
+  time_offset_->offset_s = 0.5 * (before->offset_s + offset.offset_s);
+  device_.setOffset(stream_, time_offset_->offset_s);
+  if (hasDepth()) device_.setOffset(Stream::kDepth, time_offset_->offset_s);
 }
 
 std::optional<std::string> Eye::tooLate() const {

@@ -60,7 +60,7 @@ class Eye {
 
   /// A sight of the board while the arm moved.
   void noteMotion(const calib::TimedBoard& sight);
-  /// From those sights and the arm's path, how late the stamps are; from the first answer on it is taken off.
+  /// From those sights and the arm's path, how late the stamps are; once two answers agree it is taken off.
   void compareClocks(const std::vector<RobotState>& path, const Pose<EndEffector, Board>& eMo);
   const std::optional<calib::TimeOffset>& timeOffset() const { return time_offset_; }
   /// Why no servo may go by this eye's images: they are too old when they come. Nothing if they are not.
@@ -93,7 +93,7 @@ class Eye {
   std::optional<Pose<Base, Color>> bMc_;
   std::optional<HandEyeSolution> hand_eye_;
   std::vector<calib::TimedBoard> in_motion_;  ///< Until the stamps are compared.
-  std::optional<calib::TimeOffset> time_offset_;
+  std::optional<calib::TimeOffset> first_offset_, time_offset_;
   int depths_ = 0, depth_failures_ = 0;
   std::string depth_reason_;  ///< Of the last failure.
 };

@@ -20,7 +20,7 @@ constexpr double kCameraRadiusM = 0.2;  // kept clear around a camera
 constexpr double kBoardRadiusM = 0.13;  // and around a board that stands in the cell
 constexpr int kMinViewsForIntrinsics = 5;
 constexpr double kDriveMarginOfHeight = 0.0075;  // between the squares and the image border on the way: 8 px of 1080
-constexpr double kMovingMps = 0.01;
+constexpr double kMovingMps = 0.03;
 constexpr std::ptrdiff_t kPathStates = 20000;
 constexpr Duration kLookOnPeriod = std::chrono::milliseconds(330);
 
@@ -189,9 +189,15 @@ std::optional<std::string> Run::travelTo(const Pose<Base, EndEffector>& bMe) {
 void Run::noteMotion(Eye& eye, const servo::Look& look) {
   RobotState state = guard().state();
   state.bMe = forMount(mount(), state.bMe);
-  if (path_.empty() || state.stamp > path_.back().stamp) path_.push_back(state);
+  const bool is_new = path_.empty() || state.stamp > path_.back().stamp;
+  if (is_new && eMo_ && !path_.empty()) {
+    // The board's centre must move, not just turn: that is what is compared.
+    const Eigen::Vector3d moved = state.bMe * eMo_->translation() - path_.back().bMe * eMo_->translation();
+    board_speed_mps_ = moved.norm() / toSeconds(state.stamp - path_.back().stamp);
+  }
+  if (is_new) path_.push_back(state);
   if (static_cast<std::ptrdiff_t>(path_.size()) > kPathStates) path_.erase(path_.begin(), path_.begin() + kPathStates / 2);
-  if (look.sight && state.twist.linear_mps.norm() > kMovingMps) eye.noteMotion({look.sight->stamp, look.sight->cMo});
+  if (look.sight && board_speed_mps_ > kMovingMps) eye.noteMotion({look.sight->stamp, look.sight->cMo});
 }
 
 void Run::lookOn() {

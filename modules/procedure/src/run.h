@@ -105,6 +105,7 @@ class Run {
   std::deque<sensor::GatedCamera> cameras_;  // What the eyes look through.
   std::deque<Eye> eyes_;
   std::vector<RobotState> path_;  // Of the last drives, forMount().
+  double board_speed_mps_ = 0.0;  // Of the board's centre along it.
   std::vector<Observation> observations_;
   std::optional<Pose<EndEffector, Board>> eMo_;
   double eMo_sigma_m_ = 0.0;
