@@ -76,6 +76,7 @@ int fill(Run& run, Eye& eye, coverage::Coverage& coverage, const plan::PlanOptio
     if (coverage.deficit() == deficit && ++failures[next.view->cell] >= kTries) {
       if (next.view->cell) {
         coverage.giveUp(*next.view->cell);
+        eye.cells_lost += visit.drive.status == DriveStatus::kTargetLost;
       } else {
         coverage.giveUpMarginals();
       }

@@ -80,6 +80,7 @@ class Eye {
   std::vector<TiltLimit> tilt_limits;
   std::optional<Sighting> sighting;
   int views = 0;  ///< Settled ones.
+  int cells_lost = 0;  ///< Image cells given up because the board was lost on the way there.
   Instant last_shown{};  ///< To those who watch.
 
  private:

@@ -73,10 +73,7 @@ Json camera(const CameraConfig& camera) {
 }
 
 Json coverage(const CoverageConfig& coverage) {
-  return {{"planner", coverage.planner == Planner::kCoverage ? "coverage" : "information"},
-          {"projection_goal_px", coverage.projection_goal_px},
-          {"point_goal_m", coverage.point_goal_m},
-          {"cells_x", coverage.cells_x},
+  return {{"cells_x", coverage.cells_x},
           {"cells_y", coverage.cells_y},
           {"infrared_cells_x", coverage.infrared_cells_x},
           {"infrared_cells_y", coverage.infrared_cells_y},

@@ -112,18 +112,8 @@ struct CameraConfig {
 /// @throws std::invalid_argument if the camera has no such stream.
 CameraModel nominalModel(const CameraConfig& camera, Stream stream);
 
-/// Which view is worth most.
-enum class Planner {
-  kCoverage,     ///< The one that fills most of what no camera has seen.
-  kInformation,  ///< The one that takes most uncertainty away, above a floor of coverage.
-};
-
-/// Goals and method of the coverage stage.
+/// Goals of the coverage stage.
 struct CoverageConfig {
-  Planner planner = Planner::kCoverage;
-  double projection_goal_px = 0.35;  ///< Worst projection uncertainty that is good enough, one sigma;
-  double point_goal_m = 0.0005;      ///< and that of points of the workspace. Of Planner::kInformation.
-
   int cells_x = 8;
   int cells_y = 5;
   int infrared_cells_x = 6;      ///< Of infrared images.

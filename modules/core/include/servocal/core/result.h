@@ -160,7 +160,7 @@ struct CameraResult {
 
 /// What a run ends with; see docs/result-schema.md.
 struct CalibrationResult {
-  int schema_version = 2;
+  int schema_version = 3;
   bool goal_met = false;
   std::vector<std::string> missing;  ///< What the goal lacks, a sentence each; empty if goal_met.
   BoardSpec board;

@@ -48,13 +48,14 @@ struct CalibrateOptions {
   bool hand_eye_only = false;        ///< No tilt limits and no coverage: only where the cameras stand.
 };
 
-/// Calibrates the cameras that stand in a cell while the arm carries the board. The first one that sees it
+/// Calibrates the cameras of a cell: those that stand in it while the arm carries the board, or those on the flange
+/// while the board stands. The first one that sees it (at the start, or in the search sweep of the cell file)
 /// gets the bootstrap by probing motions; then each camera in turn: hand over, tilt limits, coverage by visual
 /// servoing (color, then what is left of infrared), revisit without tilting, a few views for the held-out
 /// error; at the end one solve. Every settled stop is an observation for every stream that sees the board, and
 /// is in the session before anything else uses it. A camera that cannot be served is named in
 /// CalibrationResult::missing, and the others go on. Ends with the arm at rest.
-/// Who watches through `on_look` changes nothing of the run.
+/// `on_look` is for who watches; it gets copies and decides nothing.
 ///
 /// A session that holds observations already is resumed: what they say is taken over, a few of its views are looked
 /// at again to see that nothing moved meanwhile, and the run goes on at the camera, stage and view where it stopped.
