@@ -163,6 +163,18 @@ CoverageConfig readCoverage(const ConfigReader& section) {
   return coverage;
 }
 
+PlannerConfig readPlanner(const ConfigReader& section) {
+  PlannerConfig planner;
+  planner.choose_by = section.choice("choose_by", {"coverage", "information"}, 0) == 0 ? Planner::kCoverage
+                                                                                     : Planner::kInformation;
+  planner.projection_goal_px = section.number("projection_goal_px", {0.01, 100.0}, planner.projection_goal_px);
+  planner.point_goal_m = section.number("point_goal_m", {1e-5, 0.1}, planner.point_goal_m);
+  planner.max_views = section.integer("max_views", {3, 10000}, planner.max_views);
+  planner.max_time_s = section.number("max_time_s", {1.0, 1e5}, planner.max_time_s);
+  section.finish();
+  return planner;
+}
+
 /// What a simulated arm carries no real camera sees: whatever driver reads a camera, its images are
 /// simulated.
 void demandSimulatedCameras(const ConfigReader& reader, const CellConfig& cell) {
@@ -197,6 +209,7 @@ CellConfig readCell(const std::string& text, const std::string& origin, const st
   }
   if (cell.cameras.empty()) reader.fail("cameras", "'cameras' must list at least one camera");
   if (const auto section = reader.optionalSection("coverage")) cell.coverage = readCoverage(*section);
+  if (const auto section = reader.optionalSection("planner")) cell.planner = readPlanner(*section);
   if (const auto section = reader.optionalSection("simulation")) {
     cell.simulation = readSimulation(*section, cell.cameras);
   }

@@ -85,12 +85,21 @@ Json coverage(const CoverageConfig& coverage) {
           {"check_views", coverage.check_views}};
 }
 
+Json planner(const PlannerConfig& planner) {
+  return {{"choose_by", planner.choose_by == Planner::kCoverage ? "coverage" : "information"},
+          {"projection_goal_px", planner.projection_goal_px},
+          {"point_goal_m", planner.point_goal_m},
+          {"max_views", planner.max_views},
+          {"max_time_s", planner.max_time_s}};
+}
+
 }  // namespace
 
 std::string resolvedCell(const CellConfig& cell) {
   Json json = {{"name", cell.name},        {"file", cell.file.string()},
                {"arm", arm(cell.arm)},     {"limits", limits(cell.limits)},
-               {"cameras", Json::array()}, {"coverage", coverage(cell.coverage)}};
+               {"cameras", Json::array()}, {"coverage", coverage(cell.coverage)},
+               {"planner", planner(cell.planner)}};
   for (const CameraConfig& one : cell.cameras) json["cameras"].push_back(camera(one));
   return json.dump(1, ' ', false, Json::error_handler_t::replace);
 }

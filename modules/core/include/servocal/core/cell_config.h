@@ -126,6 +126,21 @@ struct CoverageConfig {
   int check_views = 3;           ///< Per camera, kept from the solvers: the held-out error.
 };
 
+/// Which view is worth most.
+enum class Planner {
+  kCoverage,     ///< The one that fills most of what its camera has not seen; camera after camera.
+  kInformation,  ///< The one that takes away most uncertainty of all cameras per second, above a floor of coverage.
+};
+
+/// How views are chosen, and when Planner::kInformation has seen enough.
+struct PlannerConfig {
+  Planner choose_by = Planner::kCoverage;
+  double projection_goal_px = 0.35;  ///< Worst uncertainty of projection over any image, one sigma.
+  double point_goal_m = 0.0005;      ///< Worst uncertainty of a point of the workspace, one sigma.
+  int max_views = 150;               ///< Stops after the cameras' tilt searches, of all cameras together.
+  double max_time_s = 600.0;         ///< From the run's first motion on.
+};
+
 /// Everything a cell file says. Lengths m, angles rad (files use degrees where keys end in _deg).
 struct CellConfig {
   std::string name;
@@ -135,6 +150,7 @@ struct CellConfig {
   MotionLimits limits;
   std::vector<CameraConfig> cameras;
   CoverageConfig coverage;
+  PlannerConfig planner;
   std::optional<SimulationConfig> simulation;
   std::string text;            ///< The file's text, kept in the session for provenance.
 };

@@ -33,6 +33,13 @@ struct WorkspaceMap {
   int seen = 0;
 };
 
+/// The estimate from every other stop against that from the rest: what two independent halves say of the same pixel
+/// at the range of the views, over the image.
+struct JointHalves {
+  double rms_px = 0.0;      ///< Of the difference,
+  double claimed_px = 0.0;  ///< and what both claims together say it should be.
+};
+
 /// One stream's part of the joint estimate, and how far to believe it.
 struct JointCameraResult {
   std::string camera;
@@ -49,6 +56,7 @@ struct JointCameraResult {
   ProjectionMap at_range;     ///< the flange): far away, and at the range of the views.
   double range_m = 0.0;       ///< That range: median distance of the board.
   WorkspaceMap workspace;     ///< Of points measured in this camera and mapped to the base.
+  std::optional<JointHalves> halves;  ///< Nothing if either half of the stops is too few.
 };
 
 /// Prediction of views that no solver saw, the robot believed, against what was claimed.
