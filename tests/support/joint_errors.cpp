@@ -49,7 +49,7 @@ calib::JointSolution boundOf(const CellConfig& cell, const sim::Truth& truth, co
   at.board_freedom.bow = joint.board_bow_x_m != 0 || joint.board_bow_y_m != 0;
   at.robot.sigma_m = joint.robot_sigma_m;
   at.robot.sigma_rad = joint.robot_sigma_rad;
-  if (!joint.robot_terms.empty()) at.robot_model = procedure::armTerms(cell.arm);
+  if (!joint.robot_terms.empty()) at.robot_model = procedure::armTerms(cell.arm, observations);
   at.robot_terms = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(joint.robot_terms.size()));
   std::vector<Observation> taken;
   std::copy_if(observations.begin(), observations.end(), std::back_inserter(taken),

@@ -20,6 +20,7 @@ class JointPrediction {
   void restore(const JointSolution& solution);
 
   const JointProblem& problem() const { return problem_; }
+  JointProblem& problem() { return problem_; }
   const JointState& state() const { return state_; }
 
  private:

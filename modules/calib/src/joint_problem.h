@@ -81,6 +81,7 @@ class JointProblem {
  public:
   JointProblem(const BoardSpec& board, const JointOptions& options, std::vector<JointStop> stops);
 
+  void setStops(std::vector<JointStop> stops) { stops_ = std::move(stops); }
   void setViews(std::vector<JointView> views) { views_ = std::move(views); }
   void setNoise(const JointNoise& noise) { noise_ = noise; }
   const std::vector<JointView>& views() const { return views_; }

@@ -6,58 +6,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "map_rows.h"
 #include "se3.h"
 
 namespace servocal::calib {
 namespace {
-
-using Rows = Eigen::MatrixXd;
-
-/// A point of the camera frame with the derivatives that every map is made of.
-struct Seen {
-  ProjectionJacobian by;
-  Eigen::Vector3d point_c;
-};
-
-std::optional<Seen> seenAt(const JointCamera& camera, const Eigen::Vector3d& point_c) {
-  Seen out;
-  out.point_c = point_c;
-  if (!camera.model.project(point_c, out.by)) return std::nullopt;
-  return out;
-}
-
-/// The pixel's columns for the free intrinsics.
-Rows byIntrinsics(const JointCamera& camera, const ProjectionJacobian& by) {
-  Rows out(2, static_cast<Eigen::Index>(camera.free.size()));
-  for (std::size_t p = 0; p < camera.free.size(); ++p) {
-    out.col(static_cast<Eigen::Index>(p)) = by.parameters.col(camera.free[p]);
-  }
-  return out;
-}
-
-/// The pixel of a fixed point, by the camera's pose: displacement, turn, along the axes of the left frame. A
-/// point at infinity does not feel the displacement; its `point_c` is a direction of length one in z.
-Eigen::Matrix<double, 2, 6> byPose(const JointCamera& camera, const Seen& seen, bool at_infinity) {
-  const Eigen::Matrix<double, 2, 3> by_l = seen.by.point * camera.pose.linear().transpose();
-  Eigen::Matrix<double, 2, 6> out;
-  out << -by_l, by_l * skew(camera.pose.linear() * seen.point_c);
-  if (at_infinity) out.leftCols<3>().setZero();
-  return out;
-}
-
-/// Rays of a grid over the image, at this depth; those that the model cannot unproject are nothing.
-std::vector<std::optional<Seen>> grid(const JointCamera& camera, int cells_x, int cells_y, double depth_m) {
-  std::vector<std::optional<Seen>> out;
-  for (int y = 0; y < cells_y; ++y) {
-    for (int x = 0; x < cells_x; ++x) {
-      const Eigen::Vector2d pixel(x * (camera.model.width_px - 1.0) / std::max(1, cells_x - 1),
-                                  y * (camera.model.height_px - 1.0) / std::max(1, cells_y - 1));
-      const auto ray = camera.model.unproject(pixel);
-      out.push_back(ray ? seenAt(camera, depth_m * Eigen::Vector3d(ray->x(), ray->y(), 1.0)) : std::nullopt);
-    }
-  }
-  return out;
-}
 
 double worstSigma(const Eigen::MatrixXd& covariance) {
   if (!covariance.allFinite()) return NAN;
@@ -69,21 +22,6 @@ double worstSigma(const Eigen::MatrixXd& covariance) {
 Eigen::MatrixXd ownCovariance(const JointSolution& solution, const JointCamera& camera) {
   const auto size = static_cast<Eigen::Index>(camera.free.size()) + 6;
   return solution.covariance.block(camera.intrinsics_at, camera.intrinsics_at, size, size);
-}
-
-/// Where a pixel with its depth held comes to lie in the frame the camera stands in, by intrinsics and pose.
-std::optional<Rows> byBackProjection(const JointCamera& camera, const Eigen::Vector3d& point_l) {
-  const Eigen::Vector3d point_c = camera.pose.inverse() * point_l;
-  const auto seen = seenAt(camera, point_c);
-  if (!seen) return std::nullopt;
-  const auto pixel = camera.model.project(point_c);
-  if (!pixel || !camera.model.contains(*pixel)) return std::nullopt;
-  const Eigen::Matrix2d by_plane = seen->by.point.leftCols<2>();  // by X, Y at this depth
-  Rows by_c = Rows::Zero(3, static_cast<Eigen::Index>(camera.free.size()));
-  by_c.topRows<2>() = -by_plane.inverse() * byIntrinsics(camera, seen->by);
-  Rows out(3, by_c.cols() + 6);
-  out << camera.pose.linear() * by_c, Eigen::Matrix3d::Identity(), -skew(camera.pose.linear() * point_c);
-  return out;
 }
 
 template <class Covariance>

@@ -1,40 +1,22 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "servocal/plan/next_view.h"
 
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 
 #include "servocal/core/mount.h"
+#include "way.h"
 
 namespace servocal::plan {
 namespace {
 
 constexpr int kMinCornersInCell = 6;  // a view that brings fewer to its cell is not worth the drive
-constexpr double kStopTimeS = 1.5;    // settling and grabbing, beside the travel
 
 struct Candidate {
   Pose<Color, Board> cdMo;
   std::vector<Eigen::Vector2d> pixels;
   double utility = 0.0;
 };
-
-/// The corners' pixels if all squares are inside the image by the margin.
-std::optional<std::vector<Eigen::Vector2d>> visibleCorners(const Pose<Color, Board>& cMo,
-                                                           const CameraModel& camera, const BoardSpec& board,
-                                                           double margin_px) {
-  for (const Eigen::Vector3d& point : board.patternOutline()) {
-    const auto pixel = camera.project(cMo * point);
-    if (!pixel || !camera.contains(*pixel, margin_px)) return std::nullopt;
-  }
-  std::vector<Eigen::Vector2d> pixels;
-  for (const Eigen::Vector3d& corner : board.corners()) {
-    const auto pixel = camera.project(cMo * corner);
-    if (!pixel) return std::nullopt;
-    pixels.push_back(*pixel);
-  }
-  return pixels;
-}
 
 /// Rotations of the board against the image plane: one per tilt bin, and two rolled ones.
 std::vector<Eigen::Matrix3d> orientations(const PlanOptions& options) {
@@ -53,37 +35,6 @@ std::vector<Eigen::Matrix3d> orientations(const PlanOptions& options) {
   return rotations;
 }
 
-double travelTimeS(const Pose<Base, EndEffector>& from, const Pose<Base, EndEffector>& to,
-                   const MotionLimits& limits) {
-  return std::max(distanceM(from, to) / limits.max_speed_mps, angleRad(from, to) / limits.max_angular_speed_radps);
-}
-
-bool nearSingular(const robot::Guard& guard, const Eigen::VectorXd& q, double min_singular_value) {
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(guard.kinematics().jacobian(q));
-  return svd.singularValues().minCoeff() < min_singular_value;
-}
-
-/// True if the flange can go straight from `from_q` to the pose: every step allowed, joints continuous.
-bool straightWayFree(const robot::Guard& guard, const Eigen::VectorXd& from_q,
-                     const Pose<Base, EndEffector>& bMe_goal, double min_singular_value) {
-  constexpr double kMaxJointStepRad = 0.5;
-  const Pose<Base, EndEffector> bMe_from = guard.kinematics().forward(from_q);
-  const Eigen::Quaterniond q_from = bMe_from.quaternion(), q_goal = bMe_goal.quaternion();
-  const int steps = 2 + static_cast<int>(std::max(distanceM(bMe_from, bMe_goal) / 0.05,
-                                                  angleRad(bMe_from, bMe_goal) / 0.15));
-  Eigen::VectorXd q = from_q;
-  for (int i = 1; i <= steps; ++i) {
-    const double t = double(i) / steps;
-    const auto bMe = Pose<Base, EndEffector>::fromQuaternion(
-        q_from.slerp(t, q_goal), (1 - t) * bMe_from.translation() + t * bMe_goal.translation());
-    const auto next = guard.kinematics().inverse(bMe, q, guard.limits().joint_margin_rad);
-    if (!next || (*next - q).cwiseAbs().maxCoeff() > kMaxJointStepRad) return false;
-    if (!guard.allows(*next) || nearSingular(guard, *next, min_singular_value)) return false;
-    q = *next;
-  }
-  return true;
-}
-
 }  // namespace
 
 NextView nextView(const coverage::Coverage& coverage, const Belief& belief, const BoardSpec& board,
@@ -93,11 +44,6 @@ NextView nextView(const coverage::Coverage& coverage, const Belief& belief, cons
   const auto bMe_now = guard.kinematics().forward(current_q);
   const auto bMeOf = [&](const Pose<Color, Board>& cdMo) { 
     return forMount(belief.mount, belief.bMc * cdMo * belief.eMo.inverse());
-  };
-  const auto isTried = [&](const Pose<Color, Board>& cdMo) {
-    return std::any_of(tried.begin(), tried.end(), [&](const Pose<Color, Board>& old) {
-      return distanceM(cdMo, old) < 0.03 && angleRad(cdMo, old) < 0.1;
-    });
   };
   const auto rotations = orientations(options);
 
@@ -146,7 +92,7 @@ NextView nextView(const coverage::Coverage& coverage, const Belief& belief, cons
                                   std::optional<int> cell) -> std::optional<PlannedView> {
     std::vector<const Candidate*> blocked;  // reachable somehow, but not straight from here
     for (const Candidate& candidate : candidates) {
-      if (isTried(candidate.cdMo)) continue;
+      if (isTried(tried, candidate.cdMo)) continue;
       const auto bMe = bMeOf(candidate.cdMo);
       const auto q = guard.kinematics().inverse(bMe, current_q, guard.limits().joint_margin_rad);
       if (!q || !guard.allows(*q)) continue;

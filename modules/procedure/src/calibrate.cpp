@@ -5,6 +5,7 @@
 #include <map>
 #include <stdexcept>
 
+#include "goals.h"
 #include "resume.h"
 #include "run.h"
 #include "servocal/procedure/solve.h"
@@ -42,6 +43,7 @@ std::optional<std::string> takeTurn(Run& run, Eye& color, double& tilt_time_s) {
     const Instant tilt_begin = run.clock().now();
     findTiltLimits(run, color);
     tilt_time_s += toSeconds(run.clock().now() - tilt_begin);
+    if (run.cell().planner.choose_by == Planner::kInformation) return std::nullopt;  // All cameras together, later.
     int budget = run.cell().coverage.max_views - viewsTaken(run, "cover", color.camera());
     budget -= cover(run, color, budget);
     if (infrared) run.updateBelief(*infrared);
@@ -78,6 +80,18 @@ void addCoverage(const std::string& camera, Eye& eye, std::optional<CoverageSumm
 
 }  // namespace
 
+SolveOptions solveOptions(const Run& run) {
+  SolveOptions options;
+  options.mount = run.mount();
+  options.robot_sigma_m = run.cell().arm.accuracy_m;
+  options.robot_sigma_rad = run.cell().arm.accuracy_rad;
+  options.given_intrinsics = run.options().given_intrinsics;
+  options.depth_sensors = depthSensors(run.cell());
+  options.arm = run.cell().arm;
+  options.workspace = run.cell().limits.workspace;
+  return options;
+}
+
 CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, session::Session& session,
                             const EventSink& on_event, const CalibrateOptions& options,
                             const LookSink& on_look) {
@@ -104,6 +118,11 @@ CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, sess
       noteTurnOver(run, *eye);
     }
   }
+  const bool by_information = cell.planner.choose_by == Planner::kInformation && !options.hand_eye_only && !done.empty();
+  if (by_information) {
+    for (std::string& sentence : inform(run)) missing.push_back(std::move(sentence));
+    for (Eye* eye : done) takeCheckViews(run, *eye);
+  }
   run.guard().stopAndWait();
 
   CalibrationResult result;
@@ -111,17 +130,12 @@ CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, sess
   if (!done.empty()) {
     run.setEta(std::nullopt);
     run.report("solve", *done.front(), 0, 1, "Solving from " + std::to_string(run.observations().size()) + " observations.");
-    SolveOptions solve_options;
-    solve_options.mount = run.mount();
-    solve_options.robot_sigma_m = cell.arm.accuracy_m;
-    solve_options.robot_sigma_rad = cell.arm.accuracy_rad;
-    solve_options.given_intrinsics = options.given_intrinsics;
-    solve_options.depth_sensors = depthSensors(cell);
-    solve_options.arm = cell.arm;
-    solve_options.workspace = cell.limits.workspace;
-    result = solve(cell.board, run.observations(), solve_options);
+    result = solve(cell.board, run.observations(), solveOptions(run));
   }
   result.missing.insert(result.missing.begin(), missing.begin(), missing.end());
+  if (by_information && result.joint) {
+    for (std::string& sentence : goalsMissed(*result.joint, cell.planner)) result.missing.push_back(std::move(sentence));
+  }
   if (auto slip = slipDuring(run.observations(), result)) result.missing.push_back(*std::move(slip));
   for (CameraResult& camera : result.cameras) {
     Eye& color = *run.find(camera.camera, Stream::kColor);

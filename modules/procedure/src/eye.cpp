@@ -19,6 +19,7 @@ constexpr double kEdgeOn = 0.15;  // cosine of the angle to the line of sight
 constexpr std::size_t kSightsToCompare = 60;  // two seconds of motion
 constexpr double kClocksAgreeS = 0.006;
 constexpr double kClockSearchS = 0.15;
+constexpr int kFloorCellsX = 4, kFloorCellsY = 3, kFloorCorners = 6, kFloorViews = 2;
 constexpr double kSureOfHeight = 0.015, kSureCosine = 0.5;
 
 /// What of an eye's image is to be covered. The color image's region, seen from afar by infrared.
@@ -41,6 +42,13 @@ ImageRegion regionOf(const CameraConfig& camera, Stream stream) {
 
 coverage::Coverage emptyCoverage(const CellConfig& cell, const CameraConfig& camera, Stream stream) {
   CoverageConfig config = cell.coverage;
+  if (cell.planner.choose_by == Planner::kInformation) {
+    // A floor: what information says is worth no view may be wrong about the lens.
+    config.cells_x = kFloorCellsX;
+    config.cells_y = kFloorCellsY;
+    config.corners_per_cell = kFloorCorners;
+    return {config, regionOf(camera, stream), {kFloorViews, kFloorViews, 1}};
+  }
   if (stream == Stream::kInfrared) {
     config.cells_x = config.infrared_cells_x;
     config.cells_y = config.infrared_cells_y;

@@ -11,6 +11,7 @@
 #include "servocal/core/cell_config.h"
 #include "servocal/core/result.h"
 #include "servocal/coverage/coverage.h"
+#include "servocal/plan/detectability.h"
 #include "servocal/sensor/frame_gate.h"
 
 namespace servocal::procedure {
@@ -77,6 +78,7 @@ class Eye {
   std::optional<std::string> depthTrouble() const;
 
   coverage::Coverage coverage;
+  std::vector<plan::Trial> trials;  ///< How the board was held, whole in the image, and whether it was found.
   std::vector<TiltLimit> tilt_limits;
   std::optional<Sighting> sighting;
   int views = 0;  ///< Settled ones.

@@ -24,44 +24,6 @@ using StreamKey = std::pair<std::string, Stream>;
 
 std::string nameOf(const StreamKey& stream) { return stream.first + " " + toString(stream.second); }
 
-/// The leanest description: no third radial term, a flat board, an arm as it reports. Where the lens is asked
-/// for by the caller it stays as asked.
-calib::JointOptions baseOptions(const std::vector<Observation>& observations, const SolveOptions& options,
-                                std::vector<std::string>& notes) {
-  calib::JointOptions joint;
-  joint.mount = options.mount;
-  joint.robot_sigma_m = options.robot_sigma_m;
-  joint.robot_sigma_rad = options.robot_sigma_rad;
-  joint.board.bow = false;
-  std::map<StreamKey, int> views;
-  for (const Observation& observation : observations) {
-    if (!observation.robot) continue;
-    for (const StreamObservation& view : observation.views) ++views[{view.camera, view.stream}];
-  }
-  for (const auto& [key, count] : views) {
-    if (count < kLeastViews) {
-      notes.push_back(nameOf(key) + " is not in the joint estimate: it saw the board " +
-                      std::to_string(count) + " times, three are needed");
-      continue;
-    }
-    calib::JointStream stream;
-    stream.camera = key.first;
-    stream.stream = key.second;
-    stream.lens = options.intrinsics.lens;
-    stream.fixed = options.intrinsics.fixed;
-    const auto given = options.given_intrinsics.find(key);
-    if (given != options.given_intrinsics.end()) {
-      constexpr double kHeld = 1e-4;  // of what a data sheet leaves open: held, but for rounding
-      stream.lens = given->second.lens;
-      stream.fixed.clear();
-      stream.prior = calib::nominalPrior(given->second);
-      stream.prior->covariance *= kHeld * kHeld;
-    }
-    joint.streams.push_back(stream);
-  }
-  return joint;
-}
-
 bool mayHaveThirdRadial(const calib::JointStream& stream) {
   return stream.lens == LensModel::kPlumbBob && !stream.prior &&
          std::find(stream.fixed.begin(), stream.fixed.end(), "k3") == stream.fixed.end();
@@ -80,7 +42,7 @@ std::optional<calib::RobotTerms> termsFor(const std::vector<Observation>& observ
       [](const Observation& observation) { return !observation.robot || observation.robot->q.size() > 0; });
   if (!options.arm || !has_angles) return std::nullopt;
   try {
-    return armTerms(*options.arm);
+    return armTerms(*options.arm, observations);
   } catch (const Error& error) {
     notes.push_back(std::string("errors of the arm's geometry are not considered: ") + error.what());
     return std::nullopt;
@@ -95,7 +57,7 @@ struct Chosen {
 
 Chosen choose(const BoardSpec& board, const std::vector<Observation>& observations,
               const SolveOptions& options, std::vector<std::string>& notes) {
-  const calib::JointOptions asked = baseOptions(observations, options, notes);
+  const calib::JointOptions asked = jointOptions(observations, options, notes);
   const auto stops = std::count_if(
       observations.begin(), observations.end(),
       [](const Observation& observation) { return observation.robot && !observation.views.empty(); });
@@ -231,6 +193,8 @@ JointAnswer tryJointly(const BoardSpec& board, const std::vector<Observation>& o
   for (const calib::JointCamera& camera : solution.cameras) {
     out.cameras.push_back(reportOf(observations, solution, camera, options));
   }
+  const auto halves = calib::compareHalves(board, observations, chosen.options, solution);
+  for (std::size_t i = 0; i < halves.size(); ++i) out.cameras[i].halves = halves[i];
   reportCell(solution, out);
   for (const calib::Fault& fault : calib::findFaults(board, observations, solution).faults) {
     out.faults.push_back(fault.sentence);
@@ -250,6 +214,42 @@ JointAnswer tryJointly(const BoardSpec& board, const std::vector<Observation>& o
 }
 
 }  // namespace
+
+calib::JointOptions jointOptions(const std::vector<Observation>& observations, const SolveOptions& options,
+                                 std::vector<std::string>& notes) {
+  calib::JointOptions joint;
+  joint.mount = options.mount;
+  joint.robot_sigma_m = options.robot_sigma_m;
+  joint.robot_sigma_rad = options.robot_sigma_rad;
+  joint.board.bow = false;
+  std::map<StreamKey, int> views;
+  for (const Observation& observation : observations) {
+    if (!observation.robot) continue;
+    for (const StreamObservation& view : observation.views) ++views[{view.camera, view.stream}];
+  }
+  for (const auto& [key, count] : views) {
+    if (count < kLeastViews) {
+      notes.push_back(nameOf(key) + " is not in the joint estimate: it saw the board " +
+                      std::to_string(count) + " times, three are needed");
+      continue;
+    }
+    calib::JointStream stream;
+    stream.camera = key.first;
+    stream.stream = key.second;
+    stream.lens = options.intrinsics.lens;
+    stream.fixed = options.intrinsics.fixed;
+    const auto given = options.given_intrinsics.find(key);
+    if (given != options.given_intrinsics.end()) {
+      constexpr double kHeld = 1e-4;  // of what a data sheet leaves open: held, but for rounding
+      stream.lens = given->second.lens;
+      stream.fixed.clear();
+      stream.prior = calib::nominalPrior(given->second);
+      stream.prior->covariance *= kHeld * kHeld;
+    }
+    joint.streams.push_back(stream);
+  }
+  return joint;
+}
 
 JointAnswer solveJointly(const BoardSpec& board, const std::vector<Observation>& observations,
                          const std::vector<Observation>& kept, const SolveOptions& options) {

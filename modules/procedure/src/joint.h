@@ -5,10 +5,15 @@
 #include <string>
 #include <vector>
 
+#include "servocal/calib/joint.h"
 #include "servocal/core/result.h"
 #include "servocal/procedure/solve.h"
 
 namespace servocal::procedure {
+
+/// The streams with enough views to be solved, the lens as asked, a flat board; the others are named in `notes`.
+calib::JointOptions jointOptions(const std::vector<Observation>& observations, const SolveOptions& options,
+                                 std::vector<std::string>& notes);
 
 struct JointAnswer {
   std::optional<JointResult> result;

@@ -2,6 +2,7 @@
 #include "joint_arm.h"
 
 #include <Eigen/Geometry>
+#include <Eigen/QR>
 #include <cmath>
 #include <memory>
 #include <string>
@@ -117,9 +118,37 @@ Columns columnsOf(const Chain& chain, double accuracy_m) {
   return columns;
 }
 
+/// By how much the priors have to shrink for all terms together to move the flange by the accuracy, RMS per axis, at these
+/// stops. What another pose of the base or of what the flange holds would do does not count: those are free. At most 1.
+double priorScale(const calib::RobotTerms& terms, const std::vector<Observation>& stops, double accuracy_m) {
+  std::vector<const RobotState*> states;
+  for (const Observation& stop : stops) {
+    if (stop.robot) states.push_back(&*stop.robot);
+  }
+  const auto count = static_cast<Eigen::Index>(terms.names.size()), rows = static_cast<Eigen::Index>(3 * states.size());
+  constexpr Eigen::Index kPoses = 9;
+  if (rows <= kPoses) return 1.0;
+  Eigen::MatrixXd moved(rows, count), by_poses(rows, kPoses);
+  for (std::size_t i = 0; i < states.size(); ++i) {
+    const Pose<Base, EndEffector>& bMe = states[i]->bMe;
+    const Eigen::Matrix3d eRb = bMe.rotation().transpose();
+    const Eigen::Vector3d at_e = eRb * bMe.translation();
+    const auto row = static_cast<Eigen::Index>(3 * i);
+    moved.middleRows<3>(row) = terms.jacobian(*states[i]).topRows<3>() * terms.prior_sigma.asDiagonal();
+    Eigen::Matrix<double, 3, kPoses> poses = Eigen::Matrix<double, 3, kPoses>::Zero();
+    poses.leftCols<3>() = eRb;  // of the base: displacement, turn
+    for (int axis = 0; axis < 3; ++axis) poses.col(3 + axis) = eRb.col(axis).cross(at_e);
+    poses.rightCols<3>() = Eigen::Matrix3d::Identity();  // of what the flange holds: a turn moves no origin
+    by_poses.middleRows<3>(row) = poses;
+  }
+  const Eigen::MatrixXd left = moved - by_poses * by_poses.completeOrthogonalDecomposition().solve(moved);
+  const double rms_m = std::sqrt(left.squaredNorm() / static_cast<double>(rows));
+  return rms_m > accuracy_m ? accuracy_m / rms_m : 1.0;
+}
+
 }  // namespace
 
-std::optional<calib::RobotTerms> armTerms(const ArmConfig& arm) {
+std::optional<calib::RobotTerms> armTerms(const ArmConfig& arm, const std::vector<Observation>& stops) {
   const auto kinematics = std::make_shared<const robot::Kinematics>(arm);
   if (kinematics->joints() < 2) return std::nullopt;
   const Columns columns =
@@ -139,6 +168,7 @@ std::optional<calib::RobotTerms> armTerms(const ArmConfig& arm) {
     }
     return jacobian;
   };
+  terms.prior_sigma *= priorScale(terms, stops, arm.accuracy_m);
   return terms;
 }
 

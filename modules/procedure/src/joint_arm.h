@@ -3,6 +3,7 @@
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include "servocal/calib/joint.h"
 #include "servocal/core/cell_config.h"
@@ -11,9 +12,10 @@ namespace servocal::procedure {
 
 /// Offsets of the inner joints, and of every link its length, its twist and its offset along the axis (where
 /// neighboring axes are parallel, its tilt instead): all that a calibration can tell of a chain whose base
-/// and flange are free anyway, 18 numbers for six joints. Each has the arm's declared accuracy as prior,
-/// angles what makes that at half a metre. The prior counts: with lengths of links and the size of the board
-/// both free, it says how far the arm is a ruler.
+/// and flange are free anyway, 18 numbers for six joints. Their priors are in the proportion of a length to an angle at
+/// half a metre, and of such a size that all together, at these stops, move the flange by the arm's declared accuracy
+/// (beyond what other poses of base and flange would do). The prior counts: with lengths of links and the size of the
+/// board both free, it says how far the arm is a ruler.
 ///
 /// The kinematics are those of the arm's description; the poses that the robot reports stand. Nothing for an
 /// arm of fewer than two joints. Every RobotState must hold the angles of all of the arm's joints.
@@ -23,6 +25,6 @@ namespace servocal::procedure {
 /// 1991.
 ///
 /// @throws Error (kInvalidConfig) if the description cannot be read.
-std::optional<calib::RobotTerms> armTerms(const ArmConfig& arm);
+std::optional<calib::RobotTerms> armTerms(const ArmConfig& arm, const std::vector<Observation>& stops);
 
 }  // namespace servocal::procedure

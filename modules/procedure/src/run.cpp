@@ -123,6 +123,11 @@ std::optional<Observation> Run::observe(const std::string& stage, Eye& wanted) {
   }
   observation = session_.add(std::move(observation), images);
   observations_.push_back(observation);
+  for (Eye* eye : lookers) {
+    if (eye == &wanted || !eye->handEye() || !eye->shouldSee(state.bMe, eMo_)) continue;
+    const bool detected = std::any_of(stop.begin(), stop.end(), [&](const StopView& view) { return view.eye == eye; });
+    eye->trials.push_back({*eye->predict(state.bMe, eMo(*eye)), detected});
+  }
   for (std::size_t i = 0; i < stop.size(); ++i) {
     Eye& eye = *stop[i].eye;
     eye.note(state, observation.views[i].detection);
@@ -158,6 +163,7 @@ Run::Visit Run::visit(const std::string& stage, Eye& eye, const Pose<Color, Boar
   eye.compareClocks(path_, eMo(eye));
   const bool arrived = visit.drive.status == DriveStatus::kReached || visit.drive.status == DriveStatus::kPlateau;
   if (arrived) visit.observation = observe(stage, eye);
+  if (arrived || visit.drive.status == DriveStatus::kTargetLost) eye.trials.push_back({cdMo, visit.observation.has_value()});
   goal_.reset();
   attempt.end = clock().now();
   attempt.status = visit.drive.status;

@@ -11,6 +11,7 @@
 #include "servocal/calib/reprojection.h"
 #include "servocal/core/mount.h"
 #include "servocal/procedure/calibrate.h"
+#include "servocal/procedure/solve.h"
 #include "servocal/servo/drive.h"
 
 namespace servocal::procedure {
@@ -114,6 +115,9 @@ class Run {
   std::optional<Goal> goal_;  ///< Of the drive under way, for those who watch.
 };
 
+/// How the cell's observations are solved.
+SolveOptions solveOptions(const Run& run);
+
 /// The eye that the arm found, and stands before; or why there is none.
 struct Found {
   Eye* eye = nullptr;
@@ -137,6 +141,11 @@ void findTiltLimits(Run& run, Eye& color);
 /// Drives the board to what the eye has not seen yet; counts against the camera's budget of views.
 /// Returns the views taken.
 int cover(Run& run, Eye& eye, int max_views);
+
+/// Drives the board, before whichever eye, to the views that tell most of all of them, until the goals of the cell
+/// file are met, nothing tells more, or its budget ends; then to what the eyes' floors of coverage lack. What is missing,
+/// a sentence each.
+std::vector<std::string> inform(Run& run);
 
 /// Views facing the camera at two distances, without tilt, for the eye-to-hand estimate.
 void revisit(Run& run, Eye& eye);

@@ -197,12 +197,16 @@ std::string jointCameraText(const JointCameraResult& camera, Mount mount) {
   text += poseText(fixed ? (camera.stream == Stream::kColor ? "camera in base (bMc)" : "infrared in base (bMi)")
                          : (camera.stream == Stream::kColor ? "camera on flange (eMc)" : "infrared on flange (eMi)"),
                    camera.pose, camera.pose_covariance.diagonal().cwiseSqrt());
-  return text + format("    projection good to %.2f px at %.2f m and %.2f px at infinity, one sigma, worst place of the "
-                       "image\n    a point of the workspace good to %.2f mm in the mean, %.2f mm at worst "
-                       "(%d of %zu places are seen)\n",
-                       camera.at_range.worst_px, camera.range_m, camera.at_infinity.worst_px,
-                       camera.workspace.rms_m * 1e3, camera.workspace.worst_m * 1e3, camera.workspace.seen,
-                       camera.workspace.sigma_m.size());
+  text += format("    projection good to %.2f px at %.2f m and %.2f px at infinity, one sigma, worst place of the "
+                 "image\n    a point of the workspace good to %.2f mm in the mean, %.2f mm at worst "
+                 "(%d of %zu places are seen)\n",
+                 camera.at_range.worst_px, camera.range_m, camera.at_infinity.worst_px, camera.workspace.rms_m * 1e3,
+                 camera.workspace.worst_m * 1e3, camera.workspace.seen, camera.workspace.sigma_m.size());
+  if (const auto& halves = camera.halves) {
+    text += format("    every other stop and the rest differ by %.2f px, %.2f px are claimed\n", halves->rms_px,
+                   halves->claimed_px);
+  }
+  return text;
 }
 
 std::string jointText(const JointResult& joint, Mount mount) {

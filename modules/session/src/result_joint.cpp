@@ -31,6 +31,7 @@ Json cameraTree(const JointCameraResult& camera, Mount mount) {
   tree["at_infinity"] = projectionTree(camera.at_infinity);
   tree["at_range"] = projectionTree(camera.at_range);
   tree["workspace"] = workspaceTree(camera.workspace);
+  if (const auto& halves = camera.halves) tree["halves"] = {{"rms_px", halves->rms_px}, {"claimed_px", halves->claimed_px}};
   return tree;
 }
 

@@ -60,6 +60,10 @@ JointCameraResult readCamera(const ConfigReader& tree, Mount mount) {
   camera.at_infinity = readProjection(tree.section("at_infinity"));
   camera.at_range = readProjection(tree.section("at_range"));
   camera.workspace = readWorkspace(tree.section("workspace"));
+  if (const auto halves = tree.optionalSection("halves")) {
+    camera.halves = JointHalves{halves->number("rms_px", kNumber), halves->number("claimed_px", kNumber)};
+    halves->finish();
+  }
   tree.finish();
   return camera;
 }

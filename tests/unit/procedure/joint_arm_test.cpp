@@ -101,7 +101,7 @@ class ArmTerms : public ::testing::TestWithParam<const char*> {
 // Whatever is wrong with the joints' places and axes, the terms describe it: what is left is of second order.
 TEST_P(ArmTerms, DescribeEveryErrorOfTheGeometry) {
   std::mt19937_64 random(4);
-  const calib::RobotTerms terms = armTerms(arm_).value();
+  const calib::RobotTerms terms = armTerms(arm_, {}).value();
   for (const double size : {1e-4, 1e-3}) {
     const Left left = leftOf(arm_, misbuiltArm(size, random), terms, random);
     EXPECT_GT(left.before, size);
@@ -112,7 +112,7 @@ TEST_P(ArmTerms, DescribeEveryErrorOfTheGeometry) {
 // None is superfluous: without any one of them some error stays, and no two say the same.
 TEST_P(ArmTerms, AreIndependent) {
   std::mt19937_64 random(4);
-  const calib::RobotTerms terms = armTerms(arm_).value();
+  const calib::RobotTerms terms = armTerms(arm_, {}).value();
   const ArmConfig other = misbuiltArm(1e-4, random);
   const double whole = leftOf(arm_, other, terms, random).after;
   for (std::size_t i = 0; i < terms.names.size(); ++i) {
@@ -130,7 +130,7 @@ TEST_P(ArmTerms, AreIndependent) {
 }
 
 TEST(ArmTermsOfTheUr5, AreEighteen) {
-  const calib::RobotTerms terms = armTerms(ArmConfig{}).value();
+  const calib::RobotTerms terms = armTerms(ArmConfig{}, {}).value();
   EXPECT_EQ(terms.names.size(), 18u);
   EXPECT_EQ(terms.names.front(), "link 1 length (m)");
   EXPECT_EQ(terms.prior_sigma.size(), 18);

@@ -111,7 +111,7 @@ TEST(SolveJointly, HoldsGivenIntrinsics) {
 TEST(SolveJointly, CorrectsTheArmsGeometryWhereTheViewsSupportIt) {
   const ArmConfig arm;
   const robot::Kinematics kinematics(arm);
-  const calib::RobotTerms terms = armTerms(arm).value();
+  const calib::RobotTerms terms = armTerms(arm, {}).value();
   std::mt19937_64 random(5);
   std::normal_distribution<double> normal;
   Eigen::VectorXd truth = terms.prior_sigma;

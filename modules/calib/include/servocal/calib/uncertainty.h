@@ -54,6 +54,15 @@ WorkspaceMap workspaceMap(const JointSolution& solution, const JointCamera& came
 WorkspaceMap disagreementMap(const JointSolution& solution, const JointCamera& first,
                              const JointCamera& second, const Box& box, int cells = 6);
 
+/// Every other stop against the rest: each half is solved on its own, and what both say of points that stand in the
+/// image at the median distance of the board is compared, camera by camera of `solution`. Nothing for a camera that one
+/// half does not determine.
+///
+/// Source: mrcal, "cross-validation".
+std::vector<std::optional<JointHalves>> compareHalves(const BoardSpec& board,
+                                                      const std::vector<Observation>& observations,
+                                                      const JointOptions& options, const JointSolution& solution);
+
 /// Pose of the second camera in the first, with the covariance that the joint solution gives it. Without
 /// views.
 CameraPair cameraPairOf(const JointSolution& solution, const JointCamera& first, const JointCamera& second);

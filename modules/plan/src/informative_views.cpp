@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "servocal/plan/informative_views.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "servocal/core/mount.h"
+#include "way.h"
+
+namespace servocal::plan {
+namespace {
+
+constexpr std::size_t kShortlist = 120;     // candidates that are weighed again after each choice
+constexpr double kServoShare = 1.3;         // a servo converges; a straight motion at the limits would not
+constexpr int kDrawsPerCandidate = 4;       // at most
+constexpr int kPushes = 5;                  // of a drawn pose into the image
+
+struct Candidate {
+  InformativeView view;
+  double floor = 0.0;  // what the floors lack and it brings
+  double gain = 0.0;
+};
+
+/// Element `index` of the van der Corput sequence in this base: 0 to 1.
+double radicalInverse(int index, int base) {
+  double value = 0.0, share = 1.0;
+  for (; index > 0; index /= base) {
+    share /= base;
+    value += share * (index % base);
+  }
+  return value;
+}
+
+Pose<Base, EndEffector> flangeFor(const Belief& belief, const Pose<Color, Board>& cMo) {
+  return forMount(belief.mount, belief.bMc * cMo * belief.eMo.inverse());
+}
+
+Pose<Color, Board> boardAt(const Belief& belief, const Pose<Base, EndEffector>& bMe) {
+  return belief.bMc.inverse() * forMount(belief.mount, bMe) * belief.eMo;
+}
+
+/// Board pose number `index` before a camera. One that would reach out of the image is pushed in, so that many
+/// touch the border: that is where a lens is known worst. Nothing if it does not fit in.
+std::optional<Pose<Color, Board>> drawPose(const CameraModel& camera, const std::vector<Eigen::Vector3d>& outline,
+                                           int index, double margin_px, const InformativeOptions& options) {
+  using Eigen::AngleAxisd;
+  using Eigen::Vector3d;
+  const double distance_m = options.near_m + radicalInverse(index, 5) * (options.far_m - options.near_m);
+  const double towards = 2.0 * M_PI * radicalInverse(index, 7);
+  const double tilt = options.max_tilt_rad * std::sqrt(radicalInverse(index, 11));
+  const double roll = options.max_roll_rad * (2.0 * radicalInverse(index, 13) - 1.0);
+  const Eigen::Matrix3d turned = (AngleAxisd(tilt, Vector3d(std::cos(towards), std::sin(towards), 0.0)) *
+                                  AngleAxisd(roll, Vector3d::UnitZ()))
+                                     .toRotationMatrix();
+  const Eigen::Vector2d least = Eigen::Vector2d::Constant(margin_px),
+                        most(camera.width_px - 1 - margin_px, camera.height_px - 1 - margin_px);
+  Eigen::Vector2d middle(radicalInverse(index, 2) * (camera.width_px - 1), radicalInverse(index, 3) * (camera.height_px - 1));
+  for (int push = 0; push < kPushes; ++push) {
+    const auto ray = camera.unproject(middle);
+    if (!ray) return std::nullopt;
+    const Pose<Color, Board> cMo(turned, distance_m * ray->homogeneous());
+    Eigen::Vector2d low = most, high = least;
+    for (const Eigen::Vector3d& point : outline) {
+      const auto pixel = camera.project(cMo * point);
+      if (!pixel) return std::nullopt;
+      low = low.cwiseMin(*pixel);
+      high = high.cwiseMax(*pixel);
+    }
+    const Eigen::Vector2d out = (least - low).cwiseMax(0.0) - (high - most).cwiseMax(0.0);
+    if (out.norm() == 0.0) return cMo;
+    middle += 1.05 * out;  // The lens bends: a little further.
+  }
+  return std::nullopt;
+}
+
+/// What the stop brings of what a floor lacks.
+double floorShare(const coverage::Coverage& floor, const std::vector<Eigen::Vector2d>& pixels,
+                  const Pose<Color, Board>& cMo) {
+  double share = floor.missingMarginals(cMo);
+  for (const int cell : floor.openCells()) {
+    const auto in_cell = std::count_if(pixels.begin(), pixels.end(),
+                                       [&](const auto& pixel) { return floor.cellAt(pixel) == cell; });
+    share += std::min(1.0, static_cast<double>(in_cell) / floor.missingToFill(cell));
+  }
+  return share;
+}
+
+/// The candidate seen by all who see it; nothing if the one it is meant for does not.
+std::optional<Candidate> candidateOf(const std::vector<Viewer>& viewers, std::size_t meant_for,
+                                     const Pose<Color, Board>& cdMo, const BoardSpec& board,
+                                     const InformativeOptions& options) {
+  const Viewer& wanted = viewers[meant_for];
+  Candidate candidate;
+  candidate.view.viewer = meant_for;
+  candidate.view.cdMo = cdMo;
+  candidate.view.bMe = candidate.view.stop.bMe = flangeFor(wanted.belief, cdMo);
+  for (std::size_t i = 0; i < viewers.size(); ++i) {
+    const Viewer& viewer = viewers[i];
+    if (i != meant_for && !viewer.looks_on && viewer.device != wanted.device) continue;
+    const Pose<Color, Board> cMo = i == meant_for ? cdMo : boardAt(viewer.belief, candidate.view.bMe);
+    const bool faces = cMo.translation().z() > 0.0 && cMo.rotation().col(2).dot(cMo.translation()) > 0.0;
+    const double probability = faces ? viewer.detectability.probability(cMo) : 0.0;
+    const auto pixels = probability >= options.least_probability
+                            ? visibleCorners(cMo, viewer.belief.camera, board, viewer.image_margin_px)
+                            : std::nullopt;
+    if (!pixels) {
+      if (i == meant_for) return std::nullopt;
+      continue;
+    }
+    candidate.view.stop.looks.push_back({viewer.camera, probability});
+    if (viewer.floor != nullptr) candidate.floor += probability * floorShare(*viewer.floor, *pixels, cMo);
+  }
+  return candidate;
+}
+
+std::vector<Candidate> draw(const std::vector<Viewer>& viewers, const BoardSpec& board,
+                            const InformativeOptions& options) {
+  const std::vector<Eigen::Vector3d> outline = board.patternOutline();
+  std::vector<Candidate> candidates;
+  const int draws = kDrawsPerCandidate * options.candidates;
+  for (int i = 0; i < draws && static_cast<int>(candidates.size()) < options.candidates; ++i) {
+    const std::size_t meant_for = static_cast<std::size_t>(i) % viewers.size();
+    const int index = 20 + options.draw * draws + i;  // The first of the sequence are on lines.
+    const auto cdMo = drawPose(viewers[meant_for].belief.camera, outline, index, viewers[meant_for].image_margin_px, options);
+    if (!cdMo || isTried(viewers[meant_for].tried, *cdMo)) continue;
+    if (auto candidate = candidateOf(viewers, meant_for, *cdMo, board, options)) {
+      candidates.push_back(*std::move(candidate));
+    }
+  }
+  return candidates;
+}
+
+void weigh(const calib::Forecast& forecast, std::vector<Candidate>& candidates) {
+  std::vector<calib::PlannedStop> stops;
+  for (const Candidate& candidate : candidates) stops.push_back(candidate.view.stop);
+  const std::vector<double> gains = forecast.gains(stops);
+  for (std::size_t i = 0; i < gains.size(); ++i) candidates[i].gain = gains[i];
+}
+
+/// The best that the arm reaches, taken out of the candidates, those out of reach too.
+std::optional<Candidate> takeBest(std::vector<Candidate>& candidates, const robot::Guard& guard,
+                                  const Eigen::VectorXd& from_q, const InformativeOptions& options) {
+  const auto bMe_from = guard.kinematics().forward(from_q);
+  const auto utility = [&](const Candidate& candidate) {
+    return (candidate.gain + options.floor_worth * candidate.floor) /
+           (options.stop_time_s + kServoShare * travelTimeS(bMe_from, candidate.view.bMe, guard.limits()));
+  };
+  while (!candidates.empty()) {
+    const auto best = std::max_element(candidates.begin(), candidates.end(), [&](const auto& a, const auto& b) {
+      return utility(a) < utility(b);
+    });
+    Candidate taken = std::move(*best);
+    *best = std::move(candidates.back());
+    candidates.pop_back();
+    const auto q = guard.kinematics().inverse(taken.view.bMe, from_q, guard.limits().joint_margin_rad);
+    if (q && guard.allows(*q)) return taken;
+  }
+  return std::nullopt;
+}
+
+/// In the order in which the arm travels least. The views are few.
+std::vector<InformativeView> shortestTour(const std::vector<InformativeView>& views, const robot::Guard& guard,
+                                          Eigen::VectorXd from_q, double min_singular_value) {
+  const auto bMe_from = guard.kinematics().forward(from_q);
+  std::vector<std::size_t> order(views.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::vector<std::size_t> best = order;
+  double least_s = INFINITY;
+  do {
+    double time_s = 0.0;
+    Pose<Base, EndEffector> bMe = bMe_from;
+    for (const std::size_t i : order) {
+      time_s += travelTimeS(bMe, views[i].bMe, guard.limits());
+      bMe = views[i].bMe;
+    }
+    if (time_s < least_s) {
+      least_s = time_s;
+      best = order;
+    }
+  } while (std::next_permutation(order.begin(), order.end()));
+  std::vector<InformativeView> tour;
+  for (const std::size_t i : best) {
+    tour.push_back(views[i]);
+    tour.back().straight = straightWayFree(guard, from_q, views[i].bMe, min_singular_value);
+    from_q = guard.kinematics().inverse(views[i].bMe, from_q, guard.limits().joint_margin_rad).value_or(from_q);
+  }
+  return tour;
+}
+
+}  // namespace
+
+std::vector<InformativeView> informativeViews(const calib::Forecast& forecast, const std::vector<Viewer>& viewers,
+                                              const BoardSpec& board, const robot::Guard& guard,
+                                              const Eigen::VectorXd& current_q, const InformativeOptions& options) {
+  if (viewers.empty()) return {};
+  std::vector<Candidate> candidates = draw(viewers, board, options);
+  calib::Forecast ahead = forecast;
+  weigh(ahead, candidates);
+  const auto worth = [&](const Candidate& candidate) { return candidate.gain + options.floor_worth * candidate.floor; };
+  std::vector<InformativeView> views;
+  Eigen::VectorXd from_q = current_q;
+  while (static_cast<int>(views.size()) < options.views) {
+    auto best = takeBest(candidates, guard, from_q, options);
+    if (!best) break;
+    ahead.add(best->view.stop);
+    from_q = guard.kinematics().inverse(best->view.bMe, from_q, guard.limits().joint_margin_rad).value_or(from_q);
+    views.push_back(std::move(best->view));
+    // What was worth little before is worth little now.
+    const std::size_t kept = std::min(kShortlist, candidates.size());
+    std::partial_sort(candidates.begin(), candidates.begin() + static_cast<std::ptrdiff_t>(kept), candidates.end(),
+                      [&](const Candidate& a, const Candidate& b) { return worth(a) > worth(b); });
+    candidates.resize(kept);
+    weigh(ahead, candidates);
+  }
+  return shortestTour(views, guard, current_q, options.min_singular_value);
+}
+
+}  // namespace servocal::plan

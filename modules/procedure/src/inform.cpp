@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Views by information: what is known so far -> the stops that tell most -> servo, settle, observe -> know more.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "goals.h"
+#include "joint.h"
+#include "run.h"
+#include "servocal/calib/forecast.h"
+#include "servocal/calib/uncertainty.h"
+#include "servocal/plan/informative_views.h"
+
+namespace servocal::procedure {
+namespace {
+
+constexpr const char* kStage = "inform";
+constexpr double kLeastStep = 0.02;  // A stop that makes no goal nearer by more is not worth the drive.
+constexpr double kFarRatio = 1.5;    // far limit of the distances over the far views' least one
+constexpr double kPlanMarginOfHeight = 0.012;  // A little more than the drive keeps.
+
+using calib::JointCamera;
+using calib::JointSolution;
+
+/// Everything known so far, with the data sheets as priors: the joint estimate without the arm's geometry, in which
+/// no stop can be forecast.
+std::optional<JointSolution> estimate(Run& run) {
+  std::vector<Observation> observations;
+  for (const Observation& observation : run.observations()) {
+    if (observation.stage != kCheckStage) observations.push_back(observation);
+  }
+  std::vector<std::string> notes;
+  calib::JointOptions options = jointOptions(observations, solveOptions(run), notes);
+  for (calib::JointStream& stream : options.streams) {
+    if (!stream.prior) stream.prior = calib::nominalPrior(run.find(stream.camera, stream.stream)->nominal());
+  }
+  calib::JointOutcome outcome = calib::solveJoint(run.cell().board, observations, options);
+  if (!outcome.solution || !outcome.solution->covariance.allFinite()) return std::nullopt;
+  return std::move(outcome.solution);
+}
+
+void believe(Run& run, const JointSolution& solution) {
+  for (const JointCamera& camera : solution.cameras) {
+    Eye& eye = *run.find(camera.camera, camera.stream);
+    eye.observer().setModel(camera.model);
+    HandEyeSolution hand_eye;
+    hand_eye.mount = solution.mount;
+    hand_eye.camera_pose = camera.pose;
+    hand_eye.board_pose = solution.board_pose;
+    hand_eye.camera_sigma = solution.sigma.segment<6>(camera.pose_at);
+    hand_eye.board_sigma = solution.sigma.segment<6>(solution.board_at);
+    hand_eye.rms_px = camera.rms_px;
+    run.believe(eye, std::move(hand_eye));
+  }
+}
+
+double workingRangeM(const CellConfig& cell) { return cell.coverage.distance_ratio * cell.coverage.near_distance_m; }
+
+std::vector<Known> known(const JointSolution& solution, const CellConfig& cell) {
+  std::vector<Known> streams;
+  for (const JointCamera& camera : solution.cameras) {
+    const auto worstPx = [&](std::optional<double> distance_m) {
+      return calib::projectionMap(solution, camera, calib::Anchor::kBase, distance_m).worst_px;
+    };
+    streams.push_back({camera.camera + " " + toString(camera.stream), std::max(worstPx({}), worstPx(workingRangeM(cell))),
+                       calib::workspaceMap(solution, camera, cell.limits.workspace).worst_m});
+  }
+  return streams;
+}
+
+/// By how much, of what it is now, the uncertainty that falls most of those that are still too large falls.
+double largestStep(const std::vector<Known>& now, const std::vector<Known>& then, const PlannerConfig& goals) {
+  double largest = 0.0;
+  for (std::size_t i = 0; i < now.size(); ++i) {
+    const auto look = [&](double before, double after, double goal) {
+      if (before > goal) largest = std::max(largest, 1.0 - after / before);
+    };
+    look(now[i].projection_px, then[i].projection_px, goals.projection_goal_px);
+    look(now[i].point_m, then[i].point_m, goals.point_goal_m);
+  }
+  return largest;
+}
+
+std::vector<plan::Viewer> viewers(Run& run, const JointSolution& solution,
+                                  const std::vector<std::vector<Pose<Color, Board>>>& tried) {
+  std::vector<plan::Viewer> out;
+  for (std::size_t i = 0; i < solution.cameras.size(); ++i) {
+    Eye& eye = *run.find(solution.cameras[i].camera, solution.cameras[i].stream);
+    if (eye.tooLate()) continue;
+    plan::Viewer viewer{i, {eye.model(), *eye.bMc(), run.eMo(eye), run.mount()},
+                        plan::Detectability(run.cell().board, eye.model()), &eye.coverage, tried[i], eye.camera(),
+                        !(eye.excludesOthers() && eye.stream() == Stream::kInfrared),
+                        kPlanMarginOfHeight * eye.model().height_px};
+    viewer.detectability.learn(eye.trials);
+    out.push_back(std::move(viewer));
+  }
+  return out;
+}
+
+std::string standingText(const std::vector<Known>& streams) {
+  double projection_px = 0.0, point_m = 0.0;
+  for (const Known& stream : streams) {
+    projection_px = std::max(projection_px, stream.projection_px);
+    point_m = std::max(point_m, stream.point_m);
+  }
+  char text[120];
+  std::snprintf(text, sizeof text, "Uncertain by at most %.2f px and %.2f mm.", projection_px, 1e3 * point_m);
+  return text;
+}
+
+/// Drives to one view; false if it brought no observation.
+bool drive(Run& run, Eye& eye, const plan::InformativeView& view) {
+  const bool sees = eye.shouldSee(run.guard().state().bMe, run.eMo(eye));
+  // The servo needs to see the board, and a straight way.
+  if ((!sees || !view.straight) && run.travelTo(view.bMe)) return false;
+  return run.visit(kStage, eye, view.cdMo).observation.has_value();
+}
+
+double motionTimeS(Run& run) {
+  const auto span = run.guard().motionSpan();
+  return span ? toSeconds(span->second - span->first) : 0.0;
+}
+
+/// What the floors of coverage lack, eye by eye.
+void fillFloors(Run& run) {
+  for (Eye& eye : run.eyes()) {
+    if (eye.coverage.complete() || !eye.bMc() || eye.tooLate() || !eye.handEye()) continue;
+    Eye& color = *run.find(eye.camera(), Stream::kColor);
+    if (!eye.shouldSee(run.guard().state().bMe, run.eMo(eye)) && handOver(run, color)) continue;
+    cover(run, eye, run.cell().coverage.max_views);
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> inform(Run& run) {
+  const PlannerConfig& goals = run.cell().planner;
+  int stops = static_cast<int>(std::count_if(run.observations().begin(), run.observations().end(),
+                                             [](const auto& observation) { return observation.stage == kStage; }));
+  std::vector<std::vector<Pose<Color, Board>>> tried;
+  std::string ended;
+  for (int draw = 0;; ++draw) {
+    const std::optional<JointSolution> solution = estimate(run);
+    if (!solution) return {"the views do not determine a joint estimate, by which to plan more"};
+    believe(run, *solution);
+    tried.resize(solution->cameras.size());
+    const std::vector<Known> now = known(*solution, run.cell());
+    Eye& first = run.eyes().front();
+    run.report(kStage, first, stops, goals.max_views, standingText(now));
+    std::vector<std::string> missed = goalsMissed(now, goals);
+    if (missed.empty()) break;
+    if (stops >= goals.max_views || motionTimeS(run) >= goals.max_time_s) {
+      ended = "the budget of " + std::to_string(goals.max_views) + " views and " +
+              std::to_string(static_cast<int>(goals.max_time_s)) + " s ended";
+    }
+
+    const calib::Forecast forecast(run.cell().board, *solution,
+                                   {run.cell().limits.workspace, workingRangeM(run.cell()), goals.projection_goal_px,
+                                    goals.point_goal_m});
+    plan::InformativeOptions options;
+    options.near_m = run.cell().coverage.near_distance_m;
+    options.far_m = kFarRatio * workingRangeM(run.cell());
+    options.draw = draw;
+    const std::vector<plan::Viewer> looking = viewers(run, *solution, tried);
+    std::vector<plan::InformativeView> views;
+    if (ended.empty()) {
+      views = plan::informativeViews(forecast, looking, run.cell().board, run.guard(), run.guard().state().q, options);
+      calib::Forecast after = forecast;
+      for (const plan::InformativeView& view : views) after.add(view.stop);
+      const double step = largestStep(now, known(after.solution(), run.cell()), goals);
+      if (step < kLeastStep * static_cast<double>(views.size())) views.clear();
+      if (views.empty()) ended = "no view tells much more";
+    }
+    if (!ended.empty()) {
+      for (std::string& sentence : missed) sentence += "; " + ended;
+      fillFloors(run);
+      return missed;
+    }
+    for (const plan::InformativeView& view : views) {
+      Eye& eye = *run.find(solution->cameras[looking[view.viewer].camera].camera,
+                           solution->cameras[looking[view.viewer].camera].stream);
+      tried[looking[view.viewer].camera].push_back(view.cdMo);
+      stops += drive(run, eye, view);
+      run.report(kStage, eye, stops, goals.max_views);
+    }
+  }
+  fillFloors(run);
+  return {};
+}
+
+}  // namespace servocal::procedure
