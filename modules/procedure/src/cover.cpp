@@ -118,7 +118,8 @@ void revisit(Run& run, Eye& eye) {
 }
 
 void takeCheckViews(Run& run, Eye& eye) {
-  const int views = run.cell().coverage.check_views;
+  // Those that it had at stops made for other eyes are views that no solver sees too.
+  const int views = run.cell().coverage.check_views - viewsBesides(run, kCheckStage, eye);
   coverage::ViewGoals goals;
   goals.near_views = 0;
   goals.far_views = views;

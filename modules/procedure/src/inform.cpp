@@ -22,9 +22,14 @@ constexpr double kPlanMarginOfHeight = 0.012;  // A little more than the drive k
 using calib::JointCamera;
 using calib::JointSolution;
 
-/// Everything known so far, with the data sheets as priors: the joint estimate without the arm's geometry, in which
-/// no stop can be forecast.
-std::optional<JointSolution> estimate(Run& run) {
+/// Everything known so far, with the data sheets as priors.
+struct Estimate {
+  JointSolution plain;                  // The arm as it reports: stops can be forecast.
+  std::optional<JointSolution> judged;  // Its geometry in doubt, which makes all of it less certain; what counts.
+  const JointSolution& counts() const { return judged ? *judged : plain; }
+};
+
+std::optional<Estimate> estimate(Run& run) {
   std::vector<Observation> observations;
   for (const Observation& observation : run.observations()) {
     if (observation.stage != kCheckStage) observations.push_back(observation);
@@ -34,9 +39,15 @@ std::optional<JointSolution> estimate(Run& run) {
   for (calib::JointStream& stream : options.streams) {
     if (!stream.prior) stream.prior = calib::nominalPrior(run.find(stream.camera, stream.stream)->nominal());
   }
-  calib::JointOutcome outcome = calib::solveJoint(run.cell().board, observations, options);
-  if (!outcome.solution || !outcome.solution->covariance.allFinite()) return std::nullopt;
-  return std::move(outcome.solution);
+  const auto solved = [&]() -> std::optional<JointSolution> {
+    calib::JointOutcome outcome = calib::solveJoint(run.cell().board, observations, options);
+    if (!outcome.solution || !outcome.solution->covariance.allFinite()) return std::nullopt;
+    return std::move(outcome.solution);
+  };
+  auto plain = solved();
+  if (!plain) return std::nullopt;
+  options.robot_terms = geometryTerms(observations, solveOptions(run), notes);
+  return Estimate{*std::move(plain), options.robot_terms ? solved() : std::nullopt};
 }
 
 void believe(Run& run, const JointSolution& solution) {
@@ -66,6 +77,15 @@ std::vector<Known> known(const JointSolution& solution, const CellConfig& cell) 
                        calib::workspaceMap(solution, camera, cell.limits.workspace).worst_m});
   }
   return streams;
+}
+
+/// How much more certain everything seems while the arm's geometry is not in doubt: at most 1.
+double seemingShare(const std::vector<Known>& seeming, const std::vector<Known>& judged) {
+  double share = 1.0;
+  for (std::size_t i = 0; i < seeming.size() && i < judged.size(); ++i) {
+    share = std::min({share, seeming[i].projection_px / judged[i].projection_px, seeming[i].point_m / judged[i].point_m});
+  }
+  return share;
 }
 
 /// By how much, of what it is now, the uncertainty that falls most of those that are still too large falls.
@@ -140,11 +160,12 @@ std::vector<std::string> inform(Run& run) {
   std::vector<std::vector<Pose<Color, Board>>> tried;
   std::string ended;
   for (int draw = 0;; ++draw) {
-    const std::optional<JointSolution> solution = estimate(run);
-    if (!solution) return {"the views do not determine a joint estimate, by which to plan more"};
-    believe(run, *solution);
-    tried.resize(solution->cameras.size());
-    const std::vector<Known> now = known(*solution, run.cell());
+    const std::optional<Estimate> estimated = estimate(run);
+    if (!estimated) return {"the views do not determine a joint estimate, by which to plan more"};
+    const JointSolution& solution = estimated->plain;
+    believe(run, solution);
+    tried.resize(solution.cameras.size());
+    const std::vector<Known> now = known(estimated->counts(), run.cell());
     Eye& first = run.eyes().front();
     run.report(kStage, first, stops, goals.max_views, standingText(now));
     std::vector<std::string> missed = goalsMissed(now, goals);
@@ -154,20 +175,25 @@ std::vector<std::string> inform(Run& run) {
               std::to_string(static_cast<int>(goals.max_time_s)) + " s ended";
     }
 
-    const calib::Forecast forecast(run.cell().board, *solution,
-                                   {run.cell().limits.workspace, workingRangeM(run.cell()), goals.projection_goal_px,
-                                    goals.point_goal_m});
+    // Stops are forecast for an arm as it reports; the goals move by what that makes seem better than it is.
+    const std::vector<Known> seeming = known(solution, run.cell());
+    PlannerConfig nearer = goals;
+    nearer.projection_goal_px *= seemingShare(seeming, now);
+    nearer.point_goal_m *= seemingShare(seeming, now);
+    const calib::Forecast forecast(run.cell().board, solution,
+                                   {run.cell().limits.workspace, workingRangeM(run.cell()), nearer.projection_goal_px,
+                                    nearer.point_goal_m});
     plan::InformativeOptions options;
     options.near_m = run.cell().coverage.near_distance_m;
     options.far_m = kFarRatio * workingRangeM(run.cell());
     options.draw = draw;
-    const std::vector<plan::Viewer> looking = viewers(run, *solution, tried);
+    const std::vector<plan::Viewer> looking = viewers(run, solution, tried);
     std::vector<plan::InformativeView> views;
     if (ended.empty()) {
       views = plan::informativeViews(forecast, looking, run.cell().board, run.guard(), run.guard().state().q, options);
       calib::Forecast after = forecast;
       for (const plan::InformativeView& view : views) after.add(view.stop);
-      const double step = largestStep(now, known(after.solution(), run.cell()), goals);
+      const double step = largestStep(seeming, known(after.solution(), run.cell()), nearer);
       if (step < kLeastStep * static_cast<double>(views.size())) views.clear();
       if (views.empty()) ended = "no view tells much more";
     }
@@ -177,9 +203,9 @@ std::vector<std::string> inform(Run& run) {
       return missed;
     }
     for (const plan::InformativeView& view : views) {
-      Eye& eye = *run.find(solution->cameras[looking[view.viewer].camera].camera,
-                           solution->cameras[looking[view.viewer].camera].stream);
-      tried[looking[view.viewer].camera].push_back(view.cdMo);
+      const std::size_t camera = looking[view.viewer].camera;
+      Eye& eye = *run.find(solution.cameras[camera].camera, solution.cameras[camera].stream);
+      tried[camera].push_back(view.cdMo);
       stops += drive(run, eye, view);
       run.report(kStage, eye, stops, goals.max_views);
     }

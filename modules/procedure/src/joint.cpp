@@ -35,20 +35,6 @@ void holdThirdRadial(calib::JointOptions& joint) {
   }
 }
 
-std::optional<calib::RobotTerms> termsFor(const std::vector<Observation>& observations,
-                                          const SolveOptions& options, std::vector<std::string>& notes) {
-  const bool has_angles = std::all_of(
-      observations.begin(), observations.end(),
-      [](const Observation& observation) { return !observation.robot || observation.robot->q.size() > 0; });
-  if (!options.arm || !has_angles) return std::nullopt;
-  try {
-    return armTerms(*options.arm, observations);
-  } catch (const Error& error) {
-    notes.push_back(std::string("errors of the arm's geometry are not considered: ") + error.what());
-    return std::nullopt;
-  }
-}
-
 struct Chosen {
   calib::JointOptions options;
   std::string sentence;
@@ -75,7 +61,7 @@ Chosen choose(const BoardSpec& board, const std::vector<Observation>& observatio
                      [streams = asked.streams](calib::JointOptions& richer) { richer.streams = streams; }});
   }
   terms.push_back({"bow of the board", [](calib::JointOptions& richer) { richer.board.bow = true; }});
-  if (auto arm = termsFor(observations, options, notes)) {
+  if (auto arm = geometryTerms(observations, options, notes)) {
     terms.push_back({"errors of the arm's geometry",
                      [arm = *std::move(arm)](calib::JointOptions& richer) { richer.robot_terms = arm; }});
   }
@@ -249,6 +235,20 @@ calib::JointOptions jointOptions(const std::vector<Observation>& observations, c
     joint.streams.push_back(stream);
   }
   return joint;
+}
+
+std::optional<calib::RobotTerms> geometryTerms(const std::vector<Observation>& observations, const SolveOptions& options,
+                                               std::vector<std::string>& notes) {
+  const bool has_angles = std::all_of(
+      observations.begin(), observations.end(),
+      [](const Observation& observation) { return !observation.robot || observation.robot->q.size() > 0; });
+  if (!options.arm || !has_angles) return std::nullopt;
+  try {
+    return armTerms(*options.arm, observations);
+  } catch (const Error& error) {
+    notes.push_back(std::string("errors of the arm's geometry are not considered: ") + error.what());
+    return std::nullopt;
+  }
 }
 
 JointAnswer solveJointly(const BoardSpec& board, const std::vector<Observation>& observations,

@@ -15,6 +15,10 @@ namespace servocal::procedure {
 calib::JointOptions jointOptions(const std::vector<Observation>& observations, const SolveOptions& options,
                                  std::vector<std::string>& notes);
 
+/// What may be wrong with the arm's geometry, if the cell says what arm it is and every stop has its joint angles.
+std::optional<calib::RobotTerms> geometryTerms(const std::vector<Observation>& observations, const SolveOptions& options,
+                                               std::vector<std::string>& notes);
+
 struct JointAnswer {
   std::optional<JointResult> result;
   std::string problem;  ///< Why there is none, a sentence; empty too if there are no robot poses.

@@ -206,6 +206,17 @@ int viewsTaken(const Run& run, const std::string& stage, const std::string& came
                                         }));
 }
 
+int viewsBesides(const Run& run, const std::string& stage, const Eye& eye) {
+  int taken = 0;
+  for (const Observation& observation : run.observations()) {
+    if (observation.stage != stage || observation.views.empty()) continue;
+    taken += static_cast<int>(std::count_if(observation.views.begin() + 1, observation.views.end(), [&](const StreamObservation& view) {
+      return view.camera == eye.camera() && view.stream == eye.stream();
+    }));
+  }
+  return taken;
+}
+
 int viewsTaken(const Run& run, const std::string& stage, const Eye& eye, coverage::Coverage& coverage) {
   int taken = 0;
   for (const Observation& observation : run.observations()) {

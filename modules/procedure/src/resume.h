@@ -26,7 +26,9 @@ bool hasTiltLimit(const Eye& eye, const std::string& direction);
 
 /// Views taken so far in a stage for a camera, of either stream.
 int viewsTaken(const Run& run, const std::string& stage, const std::string& camera);
-/// The same for one eye; adds them to a coverage of the stage's own.
+/// Views that an eye had in a stage at stops made for other eyes.
+int viewsBesides(const Run& run, const std::string& stage, const Eye& eye);
+/// Views taken so far in a stage for one eye; adds them to a coverage of the stage's own.
 int viewsTaken(const Run& run, const std::string& stage, const Eye& eye, coverage::Coverage& coverage);
 
 }  // namespace servocal::procedure

@@ -103,27 +103,27 @@ TEST(InformativeViews, AreWholeInTheImageReachableAndWhereTheySay) {
   }
 }
 
-// Twelve of them leave half of what as many views that chance takes within reach leave; the same number drawn is the same answer.
+// Twenty of them leave a third less than as many views that chance takes within reach; the same number drawn is the same answer.
 TEST(InformativeViews, TellMoreThanViewsByChance) {
   InformScene scene;
   calib::Forecast chosen(scene.cell.board, scene.solution, {scene.cell.limits.workspace, kRangeM});
-  for (scene.options.draw = 0; scene.options.draw < 3; ++scene.options.draw) {
+  for (scene.options.draw = 0; scene.options.draw < 5; ++scene.options.draw) {
     const auto views = informativeViews(chosen, scene.viewers, scene.cell.board, scene.guard, scene.cell.arm.start_q, scene.options);
     for (const InformativeView& view : views) chosen.add(view.stop);
   }
   calib::Forecast by_chance(scene.cell.board, scene.solution, {scene.cell.limits.workspace, kRangeM});
   int taken = 0;
-  for (const test::CellStop& stop : test::randomStops(scene.truth, 200, scene.random)) {
+  for (const test::CellStop& stop : test::randomStops(scene.truth, 400, scene.random)) {
     const auto q = scene.kinematics.inverse(stop.bMe, scene.cell.arm.start_q, scene.guard.limits().joint_margin_rad);
-    if (taken == 12 || !q || !scene.guard.allows(*q) || !scene.isWhole(stop.bMe)) continue;
+    if (taken == 20 || !q || !scene.guard.allows(*q) || !scene.isWhole(stop.bMe)) continue;
     ++taken;
     calib::PlannedStop planned{stop.bMe, {}};
     const Observation seen = test::observe(scene.truth, stop, 99, scene.noise, scene.random);
     for (const StreamObservation& view : seen.views) planned.looks.push_back({view.camera == "left" ? 0u : 1u, 1.0});
     by_chance.add(planned);
   }
-  ASSERT_EQ(taken, 12);
-  EXPECT_LT(scene.worstPx(chosen.solution()), 0.5 * scene.worstPx(by_chance.solution()));
+  ASSERT_EQ(taken, 20);
+  EXPECT_LT(scene.worstPx(chosen.solution()), 0.7 * scene.worstPx(by_chance.solution()));
   const auto again = scene.views(), once_more = scene.views();
   EXPECT_EQ(again.front().cdMo.translation(), once_more.front().cdMo.translation());
 }

@@ -38,7 +38,7 @@ struct InformativeOptions {
   double least_probability = 0.5;    ///< Of being detected, to be proposed at all.
   double min_singular_value = 0.03;  ///< As PlanOptions.
   double stop_time_s = 3.0;  ///< Of a stop beside the travel: the servo's end, settling, the frames.
-  double floor_worth = 0.1;  ///< Of an image cell filled, a distance or a tilt that is missing, in units of gain.
+  double floor_worth = 0.3;  ///< Of an image cell filled, a distance or a tilt that is missing, in units of gain.
   int candidates = 700;      ///< Of all viewers together.
   int views = 4;             ///< How many are planned ahead and brought into a short order.
   int draw = 0;              ///< Candidates are drawn anew with each number; the same ones with the same.
