@@ -196,6 +196,7 @@ class RandomResult {
     camera.at_range = projection();
     camera.workspace = {2, 2, 3, {}, 1e-3 + near(1e-4), 5e-4 + near(1e-4), 12};
     for (int i = 0; i < 12; ++i) camera.workspace.sigma_m.push_back(5e-4 + near(1e-4));
+    if (stream == Stream::kColor) camera.halves = JointHalves{0.1 + near(0.05), 0.2 + near(0.1)};
     return camera;
   }
 

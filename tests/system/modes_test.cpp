@@ -53,6 +53,27 @@ TEST(Modes, TheArmLooksForACameraThatDoesNotSeeTheBoardAtTheStart) {
   expectCalibrated(run(cell));
 }
 
+// The same camera to 1 px and 1 mm in fewer stops than coverage takes; and what is missing if it may not have them.
+TEST(Modes, ViewsAreChosenByInformationUntilItIsGoodEnough) {
+  CellConfig cell = test::oneCameraCell();
+  cell.planner.choose_by = Planner::kInformation;
+  cell.planner.projection_goal_px = 1.5;
+  cell.planner.point_goal_m = 0.0015;
+  const test::Trial trial = run(cell);
+  expectCalibrated(trial);
+  EXPECT_TRUE(trial.result.goal_met);
+  ASSERT_TRUE(trial.result.joint);
+  EXPECT_LE(trial.result.joint->cameras[0].at_range.worst_px, 1.5);
+  EXPECT_LE(trial.result.cameras[0].coverage->cells_x, 4);
+  EXPECT_LT(trial.result.observations, 90);
+
+  cell.planner.projection_goal_px = 0.01;
+  cell.planner.max_views = 3;
+  const CalibrationResult short_of = run(cell).result;
+  EXPECT_FALSE(short_of.goal_met);
+  EXPECT_TRUE(names(short_of, "wanted are 0.01 px; the budget of 3 views"));
+}
+
 TEST(Modes, OnlyARegionOfTheImageNeedsToBeCovered) {
   CellConfig cell = test::oneCameraCell();
   cell.cameras[0].region = ImageRegion{640, 300, 640, 480};

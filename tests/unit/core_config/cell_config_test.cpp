@@ -216,6 +216,16 @@ TEST_F(CellFile, RefusesARealCameraBeforeASimulatedArm) {
   expectPart(message, "the arm is simulated");
 }
 
+TEST(CellConfig, SaysHowViewsAreChosen) {
+  EXPECT_EQ(defaultCell().planner.choose_by, Planner::kCoverage);
+  const PlannerConfig planner = loadCell(SERVOCAL_EVERY_KEY_CELL).planner;
+  EXPECT_EQ(planner.choose_by, Planner::kInformation);
+  EXPECT_EQ(planner.projection_goal_px, 0.35);
+  EXPECT_EQ(planner.point_goal_m, 0.0005);
+  EXPECT_EQ(planner.max_views, 150);
+  EXPECT_EQ(planner.max_time_s, 600.0);
+}
+
 // The default cell, the cell of every key and the kinds of board name every key there is; the page must name the same, no more and no
 // less.
 TEST(CellPage, DocumentsEveryKeyAndNoOther) {

@@ -129,6 +129,50 @@ TEST_P(ArmTerms, AreIndependent) {
   }
 }
 
+/// What the terms, each off by a standard deviation of its own at random, do to the flange's place at the stops beyond
+/// other poses of base and flange; RMS per axis.
+double movedM(const calib::RobotTerms& terms, const std::vector<Observation>& stops, std::mt19937_64& random) {
+  std::normal_distribution<double> normal;
+  const auto rows = static_cast<Eigen::Index>(3 * stops.size());
+  Eigen::MatrixXd by_poses(rows, 9);
+  for (std::size_t i = 0; i < stops.size(); ++i) {
+    const Pose<Base, EndEffector>& bMe = stops[i].robot->bMe;
+    const Eigen::Matrix3d eRb = bMe.rotation().transpose();
+    Eigen::Matrix3d turned;
+    for (int axis = 0; axis < 3; ++axis) turned.col(axis) = eRb * Eigen::Vector3d::Unit(axis).cross(bMe.translation());
+    by_poses.middleRows<3>(static_cast<Eigen::Index>(3 * i)) << eRb, turned, Eigen::Matrix3d::Identity();
+  }
+  constexpr int kDraws = 200;
+  double squares = 0.0;
+  for (int draw = 0; draw < kDraws; ++draw) {
+    Eigen::VectorXd off = terms.prior_sigma, moved(rows);
+    for (double& value : off) value *= normal(random);
+    for (std::size_t i = 0; i < stops.size(); ++i) {
+      moved.segment<3>(static_cast<Eigen::Index>(3 * i)) = (terms.jacobian(*stops[i].robot) * off).head<3>();
+    }
+    squares += (moved - by_poses * by_poses.colPivHouseholderQr().solve(moved)).squaredNorm() / static_cast<double>(rows);
+  }
+  return std::sqrt(squares / kDraws);
+}
+
+// The accuracy that is declared is that of the arm, not of each of its eighteen numbers.
+TEST(ArmTermsOfTheUr5, TogetherMoveTheFlangeByTheDeclaredAccuracy) {
+  ArmConfig arm;
+  arm.accuracy_m = 0.0005;
+  const robot::Kinematics kinematics(arm);
+  std::mt19937_64 random(2);
+  std::uniform_real_distribution<double> angle(-1.0, 1.0);
+  std::vector<Observation> stops(60);
+  for (Observation& stop : stops) {
+    stop.robot.emplace();
+    stop.robot->q = Eigen::VectorXd::NullaryExpr(6, [&] { return angle(random); }) +
+                    (Eigen::VectorXd(6) << 0.0, -1.5, 1.5, -1.5, -1.5, 0.0).finished();
+    stop.robot->bMe = kinematics.forward(stop.robot->q);
+  }
+  EXPECT_NEAR(movedM(armTerms(arm, stops).value(), stops, random), 0.0005, 0.00005);
+  EXPECT_GT(movedM(armTerms(arm, {}).value(), stops, random), 0.0008);  // Each by itself.
+}
+
 TEST(ArmTermsOfTheUr5, AreEighteen) {
   const calib::RobotTerms terms = armTerms(ArmConfig{}, {}).value();
   EXPECT_EQ(terms.names.size(), 18u);

@@ -180,6 +180,10 @@ TEST_F(ResultReader, EveryFieldOfTheJointEstimateComesBack) {
     EXPECT_EQ(a.pose_covariance, b.pose_covariance);
     expectProjection(a.at_infinity, b.at_infinity);
     expectProjection(a.at_range, b.at_range);
+    ASSERT_EQ(a.halves.has_value(), b.halves.has_value());
+    if (a.halves) {
+      EXPECT_EQ(std::tie(a.halves->rms_px, a.halves->claimed_px), std::tie(b.halves->rms_px, b.halves->claimed_px));
+    }
     const WorkspaceMap &map = a.workspace, &other = b.workspace;
     EXPECT_EQ(std::tie(map.cells_x, map.cells_y, map.cells_z, map.sigma_m, map.worst_m, map.rms_m, map.seen),
               std::tie(other.cells_x, other.cells_y, other.cells_z, other.sigma_m, other.worst_m, other.rms_m,
@@ -244,7 +248,7 @@ TEST_F(ResultReader, EveryMissingKeyIsNamed) {
       "camera_pairs",      "with_outliers",     "hand_eye",       "board_scale",     "coverage",
       "tilt_limits",       "infrared",          "depth",          "covariance",      "color_infrared",
       "infrared_hand_eye", "infrared_coverage", "combined_views", "affine_baseline", "time_offset_s", "held_out",
-      "joint",             "joint_problem",     "out_of_reach"};
+      "joint",             "joint_problem",     "out_of_reach",   "halves"};
   int removed = 0;
   const std::function<void(const Json&, const Json::json_pointer&)> visit =
       [&](const Json& node, const Json::json_pointer& at) {
