@@ -142,7 +142,7 @@ struct ByInformation {
     for (std::size_t i = 0; i < scene.at.cameras.size(); ++i) {
       const plan::Belief belief = scene.belief(i);
       viewers.push_back({i, belief, plan::Detectability(scene.cell.board, belief.camera), &floors[i], {},
-                         scene.at.cameras[i].camera, true, 0.012 * belief.camera.height_px});
+                         scene.at.cameras[i].camera, true, true, 0.012 * belief.camera.height_px});
     }
   }
 

@@ -119,11 +119,15 @@ std::vector<Candidate> draw(const std::vector<Viewer>& viewers, const BoardSpec&
                             const InformativeOptions& options) {
   const std::vector<Eigen::Vector3d> outline = board.patternOutline();
   std::vector<Candidate> candidates;
+  std::vector<std::size_t> wanted;
+  for (std::size_t i = 0; i < viewers.size(); ++i) {
+    if (viewers[i].wanted) wanted.push_back(i);
+  }
   const int draws = kDrawsPerCandidate * options.candidates;
-  for (int i = 0; i < draws && static_cast<int>(candidates.size()) < options.candidates; ++i) {
-    const std::size_t meant_for = static_cast<std::size_t>(i) % viewers.size();
+  for (int i = 0; i < draws && static_cast<int>(candidates.size()) < options.candidates && !wanted.empty(); ++i) {
+    const std::size_t meant_for = wanted[static_cast<std::size_t>(i) % wanted.size()];
     // Every viewer has all of the sequence: its elements alternate. The first of them are on lines.
-    const int index = 20 + options.draw * draws + i / static_cast<int>(viewers.size());
+    const int index = 20 + options.draw * draws + i / static_cast<int>(wanted.size());
     const auto cdMo = drawPose(viewers[meant_for].belief.camera, outline, index, viewers[meant_for].image_margin_px, options);
     if (!cdMo || isTried(viewers[meant_for].tried, *cdMo)) continue;
     if (auto candidate = candidateOf(viewers, meant_for, *cdMo, board, options)) {

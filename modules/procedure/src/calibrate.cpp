@@ -119,8 +119,9 @@ CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, sess
     }
   }
   const bool by_information = cell.planner.choose_by == Planner::kInformation && !options.hand_eye_only && !done.empty();
+  std::optional<std::string> ended;
   if (by_information) {
-    for (std::string& sentence : inform(run)) missing.push_back(std::move(sentence));
+    ended = inform(run);
     for (Eye* eye : done) takeCheckViews(run, *eye);
   }
   run.guard().stopAndWait();
@@ -134,7 +135,12 @@ CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, sess
   }
   result.missing.insert(result.missing.begin(), missing.begin(), missing.end());
   if (by_information && result.joint) {
-    for (std::string& sentence : goalsMissed(*result.joint, cell.planner)) result.missing.push_back(std::move(sentence));
+    for (const std::string& sentence : goalsMissed(*result.joint, cell.planner)) {
+      result.missing.push_back(ended ? sentence + "; " + *ended : sentence);
+    }
+  }
+  if (by_information && !result.joint) {
+    result.missing.push_back("there is no joint estimate to judge the goals by. " + result.joint_problem);
   }
   if (auto slip = slipDuring(run.observations(), result)) result.missing.push_back(*std::move(slip));
   for (CameraResult& camera : result.cameras) {

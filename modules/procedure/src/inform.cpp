@@ -101,7 +101,11 @@ double largestStep(const std::vector<Known>& now, const std::vector<Known>& then
   return largest;
 }
 
-std::vector<plan::Viewer> viewers(Run& run, const JointSolution& solution,
+bool isMet(const Known& stream, const PlannerConfig& goals) {
+  return stream.projection_px <= goals.projection_goal_px && stream.point_m <= goals.point_goal_m;
+}
+
+std::vector<plan::Viewer> viewers(Run& run, const JointSolution& solution, const std::vector<Known>& now,
                                   const std::vector<std::vector<Pose<Color, Board>>>& tried) {
   std::vector<plan::Viewer> out;
   for (std::size_t i = 0; i < solution.cameras.size(); ++i) {
@@ -110,6 +114,7 @@ std::vector<plan::Viewer> viewers(Run& run, const JointSolution& solution,
     plan::Viewer viewer{i, {eye.model(), *eye.bMc(), run.eMo(eye), run.mount()},
                         plan::Detectability(run.cell().board, eye.model()), &eye.coverage, tried[i], eye.camera(),
                         !(eye.excludesOthers() && eye.stream() == Stream::kInfrared),
+                        !isMet(now[i], run.cell().planner) || !eye.coverage.complete(),
                         kPlanMarginOfHeight * eye.model().height_px};
     viewer.detectability.learn(eye.trials);
     out.push_back(std::move(viewer));
@@ -151,67 +156,70 @@ void fillFloors(Run& run) {
   }
 }
 
+/// The next views; none if none brings a goal much nearer.
+std::vector<plan::InformativeView> nextViews(Run& run, const Estimate& estimated, const std::vector<plan::Viewer>& looking,
+                                             int draw) {
+  // Stops are forecast for an arm as it reports; the goals move by what that makes seem better than it is.
+  const CellConfig& cell = run.cell();
+  const std::vector<Known> seeming = known(estimated.plain, cell);
+  const double share = seemingShare(seeming, known(estimated.counts(), cell));
+  PlannerConfig goals = cell.planner;
+  goals.projection_goal_px *= share;
+  goals.point_goal_m *= share;
+  const calib::Forecast forecast(cell.board, estimated.plain, {cell.limits.workspace, workingRangeM(cell),
+                                                               goals.projection_goal_px, goals.point_goal_m});
+  plan::InformativeOptions options;
+  options.near_m = cell.coverage.near_distance_m;
+  options.far_m = kFarRatio * workingRangeM(cell);
+  options.draw = draw;
+  auto views = plan::informativeViews(forecast, looking, cell.board, run.guard(), run.guard().state().q, options);
+  calib::Forecast after = forecast;
+  for (const plan::InformativeView& view : views) after.add(view.stop);
+  const double step = largestStep(seeming, known(after.solution(), cell), goals);
+  if (step < kLeastStep * static_cast<double>(views.size())) views.clear();
+  return views;
+}
+
 }  // namespace
 
-std::vector<std::string> inform(Run& run) {
+std::optional<std::string> inform(Run& run) {
   const PlannerConfig& goals = run.cell().planner;
   int stops = static_cast<int>(std::count_if(run.observations().begin(), run.observations().end(),
                                              [](const auto& observation) { return observation.stage == kStage; }));
-  std::vector<std::vector<Pose<Color, Board>>> tried;
-  std::string ended;
-  for (int draw = 0;; ++draw) {
+  std::vector<std::vector<Pose<Color, Board>>> tried;  // by stream of the estimate
+  std::optional<std::string> ended;
+  for (int draw = 0; !ended; ++draw) {
     const std::optional<Estimate> estimated = estimate(run);
-    if (!estimated) return {"the views do not determine a joint estimate, by which to plan more"};
-    const JointSolution& solution = estimated->plain;
-    believe(run, solution);
-    tried.resize(solution.cameras.size());
+    if (!estimated) {
+      ended = "the views do not determine a joint estimate by which to plan more";
+      break;
+    }
+    const std::vector<JointCamera>& streams = estimated->plain.cameras;
+    believe(run, estimated->plain);
+    tried.resize(streams.size());
     const std::vector<Known> now = known(estimated->counts(), run.cell());
-    Eye& first = run.eyes().front();
-    run.report(kStage, first, stops, goals.max_views, standingText(now));
-    std::vector<std::string> missed = goalsMissed(now, goals);
-    if (missed.empty()) break;
-    if (stops >= goals.max_views || motionTimeS(run) >= goals.max_time_s) {
-      ended = "the budget of " + std::to_string(goals.max_views) + " views and " +
-              std::to_string(static_cast<int>(goals.max_time_s)) + " s ended";
+    run.report(kStage, run.eyes().front(), stops, goals.max_views, standingText(now));
+    if (goalsMissed(now, goals).empty()) break;
+    if (stops >= goals.max_views) {
+      ended = "the budget of " + std::to_string(goals.max_views) + " views ended";
+    } else if (motionTimeS(run) >= goals.max_time_s) {
+      ended = "the budget of " + std::to_string(static_cast<int>(goals.max_time_s)) + " s ended";
     }
+    if (ended) break;
 
-    // Stops are forecast for an arm as it reports; the goals move by what that makes seem better than it is.
-    const std::vector<Known> seeming = known(solution, run.cell());
-    PlannerConfig nearer = goals;
-    nearer.projection_goal_px *= seemingShare(seeming, now);
-    nearer.point_goal_m *= seemingShare(seeming, now);
-    const calib::Forecast forecast(run.cell().board, solution,
-                                   {run.cell().limits.workspace, workingRangeM(run.cell()), nearer.projection_goal_px,
-                                    nearer.point_goal_m});
-    plan::InformativeOptions options;
-    options.near_m = run.cell().coverage.near_distance_m;
-    options.far_m = kFarRatio * workingRangeM(run.cell());
-    options.draw = draw;
-    const std::vector<plan::Viewer> looking = viewers(run, solution, tried);
-    std::vector<plan::InformativeView> views;
-    if (ended.empty()) {
-      views = plan::informativeViews(forecast, looking, run.cell().board, run.guard(), run.guard().state().q, options);
-      calib::Forecast after = forecast;
-      for (const plan::InformativeView& view : views) after.add(view.stop);
-      const double step = largestStep(seeming, known(after.solution(), run.cell()), nearer);
-      if (step < kLeastStep * static_cast<double>(views.size())) views.clear();
-      if (views.empty()) ended = "no view tells much more";
-    }
-    if (!ended.empty()) {
-      for (std::string& sentence : missed) sentence += "; " + ended;
-      fillFloors(run);
-      return missed;
-    }
+    const std::vector<plan::Viewer> looking = viewers(run, estimated->plain, now, tried);
+    const std::vector<plan::InformativeView> views = nextViews(run, *estimated, looking, draw);
+    if (views.empty()) ended = "no view tells much more";
     for (const plan::InformativeView& view : views) {
-      const std::size_t camera = looking[view.viewer].camera;
-      Eye& eye = *run.find(solution.cameras[camera].camera, solution.cameras[camera].stream);
-      tried[camera].push_back(view.cdMo);
+      const std::size_t stream = looking[view.viewer].camera;
+      Eye& eye = *run.find(streams[stream].camera, streams[stream].stream);
+      tried[stream].push_back(view.cdMo);
       stops += drive(run, eye, view);
       run.report(kStage, eye, stops, goals.max_views);
     }
   }
   fillFloors(run);
-  return {};
+  return ended;
 }
 
 }  // namespace servocal::procedure

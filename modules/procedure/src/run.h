@@ -143,9 +143,9 @@ void findTiltLimits(Run& run, Eye& color);
 int cover(Run& run, Eye& eye, int max_views);
 
 /// Drives the board, before whichever eye, to the views that tell most of all of them, until the goals of the cell
-/// file are met, nothing tells more, or its budget ends; then to what the eyes' floors of coverage lack. What is missing,
-/// a sentence each.
-std::vector<std::string> inform(Run& run);
+/// file are met; then to what the eyes' floors of coverage lack. Why it ended before the goals were met; nothing if they
+/// were, as far as is known before the final solve.
+std::optional<std::string> inform(Run& run);
 
 /// Views facing the camera at two distances, without tilt, for the eye-to-hand estimate.
 void revisit(Run& run, Eye& eye);

@@ -12,6 +12,8 @@ namespace {
 constexpr double kDegree = M_PI / 180.0;
 constexpr int kStepDeg = 5;    // resolution of a limit
 constexpr int kStrideDeg = 15; // first strides; a board is lost once per direction either way
+constexpr int kCapDeg = 75;
+constexpr int kUsefulCapDeg = 60;  // What tells most leans by 45 degrees against the image, a little more against the sight.
 
 struct Direction {
   const char* name;
@@ -44,9 +46,10 @@ bool sees(const Observation& observation, const Eye& eye) {
 
 void findTiltLimits(Run& run, Eye& color) {
   using Eigen::Vector3d;
-  const std::vector<Direction> directions = {{"roll+", Vector3d::UnitZ(), 45},  {"roll-", -Vector3d::UnitZ(), 45},
-                                             {"pitch+", Vector3d::UnitX(), 75}, {"pitch-", -Vector3d::UnitX(), 75},
-                                             {"yaw+", Vector3d::UnitY(), 75},   {"yaw-", -Vector3d::UnitY(), 75}};
+  const int cap_deg = run.cell().planner.choose_by == Planner::kInformation ? kUsefulCapDeg : kCapDeg;
+  const std::vector<Direction> directions = {{"roll+", Vector3d::UnitZ(), 45},       {"roll-", -Vector3d::UnitZ(), 45},
+                                             {"pitch+", Vector3d::UnitX(), cap_deg}, {"pitch-", -Vector3d::UnitX(), cap_deg},
+                                             {"yaw+", Vector3d::UnitY(), cap_deg},   {"yaw-", -Vector3d::UnitY(), cap_deg}};
   const int planned = static_cast<int>(directions.size());
   Eye* const infrared = run.find(color.camera(), Stream::kInfrared);
 

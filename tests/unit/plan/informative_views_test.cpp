@@ -44,7 +44,7 @@ struct InformScene {
       const Belief belief{solution.cameras[i].model, Pose<Base, Color>(solution.cameras[i].pose),
                           Pose<EndEffector, Board>(solution.board_pose), Mount::kFixed};
       floors.push_back(coverage::Coverage(cell.coverage, {0, 0, 1920, 1080}));
-      viewers.push_back({i, belief, Detectability(cell.board, belief.camera), nullptr, {}, solution.cameras[i].camera, true, 13.0});
+      viewers.push_back({i, belief, Detectability(cell.board, belief.camera), nullptr, {}, solution.cameras[i].camera, true, true, 13.0});
     }
   }
 

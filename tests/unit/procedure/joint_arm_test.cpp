@@ -161,7 +161,7 @@ TEST(ArmTermsOfTheUr5, TogetherMoveTheFlangeByTheDeclaredAccuracy) {
   arm.accuracy_m = 0.0005;
   const robot::Kinematics kinematics(arm);
   std::mt19937_64 random(2);
-  std::uniform_real_distribution<double> angle(-1.0, 1.0);
+  std::uniform_real_distribution<double> angle(-2.5, 2.5);
   std::vector<Observation> stops(60);
   for (Observation& stop : stops) {
     stop.robot.emplace();
@@ -170,7 +170,7 @@ TEST(ArmTermsOfTheUr5, TogetherMoveTheFlangeByTheDeclaredAccuracy) {
     stop.robot->bMe = kinematics.forward(stop.robot->q);
   }
   EXPECT_NEAR(movedM(armTerms(arm, stops).value(), stops, random), 0.0005, 0.00005);
-  EXPECT_GT(movedM(armTerms(arm, {}).value(), stops, random), 0.0008);  // Each by itself.
+  EXPECT_GT(movedM(armTerms(arm, {}).value(), stops, random), 0.0006);  // Each by itself.
 }
 
 TEST(ArmTermsOfTheUr5, AreEighteen) {

@@ -27,6 +27,7 @@ struct Viewer {
   std::vector<Pose<Color, Board>> tried;      ///< Goals driven to by it; candidates close to them are not proposed.
   std::string device;    ///< Which camera it is a stream of.
   bool looks_on = true;  ///< At the stops of other cameras too. False where the streams of its own exclude each other.
+  bool wanted = true;    ///< False: views are not made for it, its goals are met; it only looks on.
   double image_margin_px = 13.0;  ///< Between the squares' outline and the image border.
 };
 
