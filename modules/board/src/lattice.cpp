@@ -6,12 +6,14 @@
 #include <cmath>
 #include <deque>
 
+#include "node_table.h"
+
 namespace servocal::board {
 namespace {
 
 using Eigen::Vector2f;
 
-float sample(const cv::Mat& smoothed, const Vector2f& p) {
+inline float sample(const cv::Mat& smoothed, const Vector2f& p) {
   const int x = static_cast<int>(p.x());
   const int y = static_cast<int>(p.y());
   const float fx = p.x() - x;
@@ -28,11 +30,14 @@ class PlaceIndex {
 
   PlaceIndex(const cv::Size& size, const std::vector<Saddle>& saddles)
       : columns_(size.width / kCell + 3), rows_(size.height / kCell + 3),
-        first_(static_cast<std::size_t>(columns_) * rows_, -1), next_(saddles.size(), -1) {
+        first_(static_cast<std::size_t>(columns_) * rows_, -1), next_(saddles.size(), -1),
+        is_near_(first_.size(), 0) {
     for (int k = 0; k < static_cast<int>(saddles.size()); ++k) {
-      int& head = first_[cell(saddles[k].pixel)];
-      next_[k] = head;
-      head = k;
+      const int here = cell(saddles[k].pixel);
+      next_[k] = first_[here];
+      first_[here] = k;
+      for (int dy = -columns_; dy <= columns_; dy += columns_)
+        for (int dx = -1; dx <= 1; ++dx) is_near_[here + dy + dx] = 1;
     }
   }
 
@@ -40,6 +45,7 @@ class PlaceIndex {
   template <class Visit>
   void near(const Vector2f& p, Visit visit) const {
     const int centre = cell(p);
+    if (!is_near_[centre]) return;
     for (int dy = -columns_; dy <= columns_; dy += columns_)
       for (int dx = -1; dx <= 1; ++dx)
         for (int k = first_[centre + dy + dx]; k >= 0; k = next_[k]) visit(k);
@@ -64,6 +70,7 @@ class PlaceIndex {
 
   int columns_, rows_;
   std::vector<int> first_, next_;
+  std::vector<unsigned char> is_near_;  // Whether a cell or one beside it holds a saddle: most do not.
 };
 
 struct Link {
@@ -73,10 +80,10 @@ struct Link {
 
 class Linker {
  public:
-  Linker(const cv::Mat& smoothed, const std::vector<Saddle>& saddles)
-      : smoothed_(smoothed), saddles_(saddles), index_(smoothed.size(), saddles) {}
+  Linker(const cv::Mat& smoothed, const std::vector<Saddle>& saddles, float longest_px)
+      : smoothed_(smoothed), saddles_(saddles), index_(smoothed.size(), saddles), longest_px_(longest_px) {}
 
-  // Follows ray k of saddle `from` until the next saddle point, or until the edge ends.
+  // Follows ray k of saddle `from` until the next saddle point, or until the edge ends or is too long.
   Link follow(int from, int k) const {
     constexpr float kStep = 1.5f;   // px
     constexpr float kBlind = 3.0f;  // px; next to a corner its other edge disturbs.
@@ -91,6 +98,7 @@ class Linker {
       p += kStep * direction;
       if (!inside(p)) return {};
       const float gone = (p - start.pixel).norm();
+      if (gone > longest_px_) return {};
       const Link link = arrival(from, side, p, gone);
       if (link.node >= 0) return link;
       if (gone < kBlind) continue;
@@ -148,6 +156,7 @@ class Linker {
   const cv::Mat& smoothed_;
   const std::vector<Saddle>& saddles_;
   PlaceIndex index_;
+  float longest_px_;
 };
 
 // Steps along the four axes +i, +j, -i, -j.
@@ -187,10 +196,7 @@ bool continues(const Look& look, const Look& beside) {
 void growByPrediction(const cv::Mat& smoothed, Lattice& lattice, const PlaceIndex& index,
                       const std::vector<Saddle>& saddles, std::vector<bool>& used) {
   using Key = std::pair<int, int>;
-  const auto find = [&](int i, int j) -> const Lattice::Node* {
-    const auto it = lattice.nodes.find(Key(i, j));
-    return it == lattice.nodes.end() ? nullptr : &it->second;
-  };
+  NodeTable nodes(lattice);
   std::deque<Key> open;
   for (const auto& [key, node] : lattice.nodes) open.push_back(key);
   while (!open.empty()) {
@@ -199,22 +205,22 @@ void growByPrediction(const cv::Mat& smoothed, Lattice& lattice, const PlaceInde
     for (int axis = 0; axis < 4; ++axis) {
       const int i = oi + kStepI[axis];
       const int j = oj + kStepJ[axis];
-      if (find(i, j)) continue;
+      if (nodes.at(i, j)) continue;
       // Mean of the parallelograms and straight continuations that end here.
       Vector2f sum = Vector2f::Zero();
       int count = 0;
       float spacing = 1e9f;
       for (int a = 0; a < 4; ++a) {
-        const Lattice::Node* near = find(i - kStepI[a], j - kStepJ[a]);
+        const Lattice::Node* near = nodes.at(i - kStepI[a], j - kStepJ[a]);
         if (!near) continue;
-        if (const Lattice::Node* far = find(i - 2 * kStepI[a], j - 2 * kStepJ[a])) {
+        if (const Lattice::Node* far = nodes.at(i - 2 * kStepI[a], j - 2 * kStepJ[a])) {
           sum += 2.0f * near->pixel - far->pixel;
           ++count;
           spacing = std::min(spacing, (near->pixel - far->pixel).norm());
         }
         const int b = (a + 1) % 4;
-        const Lattice::Node* side_near = find(i - kStepI[b], j - kStepJ[b]);
-        const Lattice::Node* opposite = find(i - kStepI[a] - kStepI[b], j - kStepJ[a] - kStepJ[b]);
+        const Lattice::Node* side_near = nodes.at(i - kStepI[b], j - kStepJ[b]);
+        const Lattice::Node* opposite = nodes.at(i - kStepI[a] - kStepI[b], j - kStepJ[a] - kStepJ[b]);
         if (side_near && opposite) {
           sum += near->pixel + side_near->pixel - opposite->pixel;
           ++count;
@@ -234,11 +240,11 @@ void growByPrediction(const cv::Mat& smoothed, Lattice& lattice, const PlaceInde
       });
       if (best < 0) continue;
       // The squares' sides, as at the node this one continues.
-      const Lattice::Node& near = *find(oi, oj);
+      const Lattice::Node& near = *nodes.at(oi, oj);
       const Vector2f out = saddles[best].pixel - near.pixel;
       const int across = (axis + 1) % 4;  // Turned by +90 degrees.
-      const Lattice::Node* left = find(oi + kStepI[across], oj + kStepJ[across]);
-      const Lattice::Node* right = find(oi - kStepI[across], oj - kStepJ[across]);
+      const Lattice::Node* left = nodes.at(oi + kStepI[across], oj + kStepJ[across]);
+      const Lattice::Node* right = nodes.at(oi - kStepI[across], oj - kStepJ[across]);
       if (!left && !right) continue;
       const Vector2f side = left && right ? Vector2f(0.5f * (left->pixel - right->pixel))
                             : left        ? Vector2f(left->pixel - near.pixel)
@@ -246,7 +252,7 @@ void growByPrediction(const cv::Mat& smoothed, Lattice& lattice, const PlaceInde
       const Look look = lookAt(smoothed, saddles[best].pixel, out, side);
       if (!continues(look, lookAt(smoothed, near.pixel, out, side))) continue;
       used[best] = true;
-      lattice.nodes[Key(i, j)] = {saddles[best].pixel, -near.side};
+      nodes.add(i, j, lattice.nodes[Key(i, j)] = {saddles[best].pixel, -near.side});
       open.push_back(Key(i, j));
       open.push_back(Key(oi, oj));
     }
@@ -255,13 +261,12 @@ void growByPrediction(const cv::Mat& smoothed, Lattice& lattice, const PlaceInde
 
 // Takes away what edges led to but does not look like a corner of the same pattern.
 void dropStrays(const cv::Mat& smoothed, Lattice& lattice) {
+  const NodeTable nodes(lattice);
   std::vector<std::pair<int, int>> strays;
   for (const auto& [key, node] : lattice.nodes) {
     std::array<const Lattice::Node*, 4> beside{};
-    for (int axis = 0; axis < 4; ++axis) {
-      const auto it = lattice.nodes.find({key.first + kStepI[axis], key.second + kStepJ[axis]});
-      if (it != lattice.nodes.end()) beside[axis] = &it->second;
-    }
+    for (int axis = 0; axis < 4; ++axis)
+      beside[axis] = nodes.at(key.first + kStepI[axis], key.second + kStepJ[axis]);
     const auto along = [&](int axis) {
       const Lattice::Node *ahead = beside[axis], *behind = beside[axis + 2];
       if (ahead && behind) return Vector2f(0.5f * (ahead->pixel - behind->pixel));
@@ -304,13 +309,17 @@ std::vector<Saddle> withoutTwins(const cv::Size& size, const std::vector<Saddle>
 }
 
 std::vector<Lattice> findLattices(const cv::Mat& smoothed, const std::vector<Saddle>& saddles,
-                                  int min_nodes) {
+                                  int min_nodes, float longest_px) {
   const int count = static_cast<int>(saddles.size());
   if (count < min_nodes) return {};
-  const Linker linker(smoothed, saddles);
+  const Linker linker(smoothed, saddles, longest_px);
   std::vector<std::array<Link, 4>> links(count);
-  for (int k = 0; k < count; ++k)
-    for (int ray = 0; ray < 4; ++ray) links[k][ray] = linker.follow(k, ray);
+  for (int k = 0; k < count; ++k) {
+    for (const int ray : {0, 2}) links[k][ray] = linker.follow(k, ray);
+    // A corner of a board has a neighbor on at least one side, along both of its edges.
+    if (links[k][0].node < 0 && links[k][2].node < 0) continue;
+    for (const int ray : {1, 3}) links[k][ray] = linker.follow(k, ray);
+  }
   // A link counts if the way back agrees, or found nothing.
   for (int k = 0; k < count; ++k) {
     for (int ray = 0; ray < 4; ++ray) {
@@ -387,8 +396,8 @@ std::vector<Lattice> findLattices(const cv::Mat& smoothed, const std::vector<Sad
 }
 
 std::vector<Lattice> growLattices(const cv::Mat& smoothed, const std::vector<Saddle>& saddles,
-                                  int min_nodes) {
-  constexpr float kReach = 20.0f;  // px; farther apart, edges are followed more surely.
+                                  int min_nodes, float longest_px) {
+  const float reach = std::min(20.0f, longest_px);  // Farther apart, edges are followed more surely.
   constexpr std::size_t kMostPairs = 5;
   const int count = static_cast<int>(saddles.size());
   if (count < min_nodes) return {};
@@ -409,10 +418,10 @@ std::vector<Lattice> growLattices(const cv::Mat& smoothed, const std::vector<Sad
     const Vector2f centre = saddles[seed].pixel;
     // Saddles in pairs on opposite sides, nearest first.
     pairs.clear();
-    index.around(centre, static_cast<int>(kReach) / PlaceIndex::kCell, [&](int ahead) {
+    index.around(centre, static_cast<int>(reach) / PlaceIndex::kCell, [&](int ahead) {
       const Vector2f way = saddles[ahead].pixel - centre;
       const float length = way.norm();
-      if (used[ahead] || length > kReach || length < 2.0f || !similar(seed, ahead)) return;
+      if (used[ahead] || length > reach || length < 2.0f || !similar(seed, ahead)) return;
       if (way.x() < 0 || (way.x() == 0 && way.y() < 0)) return;  // The other one of a pair finds this one.
       float nearest = std::min(0.15f * length + 0.7f, 2.0f);
       int behind = -1;

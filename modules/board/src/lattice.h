@@ -25,11 +25,13 @@ struct Lattice {
 std::vector<Saddle> withoutTwins(const cv::Size& size, const std::vector<Saddle>& saddles);
 
 /// Follows the edges that leave each saddle point to the next saddle point and numbers what is connected.
-/// Lattices of fewer than `min_nodes` are dropped; largest first.
-std::vector<Lattice> findLattices(const cv::Mat& smoothed, const std::vector<Saddle>& saddles, int min_nodes);
+/// Lattices of fewer than `min_nodes` are dropped; largest first. Edges longer than `longest_px` are given up.
+std::vector<Lattice> findLattices(const cv::Mat& smoothed, const std::vector<Saddle>& saddles, int min_nodes,
+                                  float longest_px);
 
 /// The same without edges, for squares so small or so foreshortened that there is no edge to follow between
 /// two corners: starts from crosses of five saddle points whose squares alternate, and grows them.
-std::vector<Lattice> growLattices(const cv::Mat& smoothed, const std::vector<Saddle>& saddles, int min_nodes);
+std::vector<Lattice> growLattices(const cv::Mat& smoothed, const std::vector<Saddle>& saddles, int min_nodes,
+                                  float longest_px);
 
 }  // namespace servocal::board

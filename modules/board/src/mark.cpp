@@ -45,6 +45,7 @@ struct CornerCell {
   double hollow = 0.0;    // 1: hollow as printed; 0: solid.
   double residual = 1.0;  // RMS of what neither explains, in units of white minus black.
   bool is_cell = true;    // Contrast as on the rest of the board: a square, hollow or not.
+  bool is_dark = true;    // The same if all of it is taken for one square.
 };
 
 std::optional<CornerCell> measureCornerCell(const cv::Mat& gray, const Grid& grid,
@@ -97,8 +98,13 @@ std::optional<CornerCell> measureCornerCell(const cv::Mat& gray, const Grid& gri
   const Eigen::Vector3d solution = solver.solve(right);
   if (!solution.allFinite()) return std::nullopt;
   const double contrast = 2.0 * grid.step;  // White minus black of the whole board.
+  // The contrast of a solid square alone is known even where blur leaves so little difference between its picture and
+  // that of its inside that the shares of the two are not.
+  const double dark = normal(0, 1) / count;  // Mean picture of a solid square, negative.
+  const double solid = (right[1] - dark * right[0]) / (normal(1, 1) - dark * normal(0, 1));
   CornerCell cell;
   cell.is_cell = solution[1] > 0.4 * contrast && solution[1] < 2.5 * contrast;
+  cell.is_dark = solid > 0.35 * contrast && solid < 2.5 * contrast;
   cell.hollow = solution[2] / solution[1];
   cell.residual = std::sqrt(std::max(squares - solution.dot(right), 0.0) / count) / solution[1];
   // How strongly the white inside shows through the blur at all.
@@ -162,19 +168,17 @@ MarkResult findTurn(const cv::Mat& gray, const Grid& grid, const Checkerboard& b
     const auto cell = measureCornerCell(gray, grid, turn.firstCorner(), board);
     const bool possible = std::any_of(result.turns.begin(), result.turns.end(),
                                       [&](const Turn& t) { return t.quarters == quarters; });
-    if (!cell || !cell->is_cell) {
-      clear = clear && !possible;
-      foreign += possible && cell.has_value();
-      continue;
-    }
-    const bool is_hollow =
-        cell->hollow > kHollow && cell->hollow < kMostHollow && cell->residual < kMostResidual;
+    const bool is_hollow = cell && cell->is_cell && cell->hollow > kHollow && cell->hollow < kMostHollow &&
+                           cell->residual < kMostResidual;
     if (is_hollow) {
       // At a corner where this board cannot have it: the picture is mirrored, or another board.
       if (!possible) return {};
       hollow.push_back(turn);
-    } else if (possible && (cell->hollow > kSolid || cell->hollow < kLeastSolid || cell->residual > kMostResidual)) {
-      clear = false;
+    } else if (possible) {
+      foreign += cell && !cell->is_dark;
+      const bool is_solid = cell && cell->is_cell && cell->hollow <= kSolid && cell->hollow >= kLeastSolid &&
+                            cell->residual <= kMostResidual;
+      clear = clear && is_solid;
     }
   }
   // Something may hide one of the squares, but not all that could be the mark.

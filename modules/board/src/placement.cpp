@@ -3,59 +3,41 @@
 
 #include <algorithm>
 
+#include "node_table.h"
+
 namespace servocal::board {
 namespace {
 
 using Eigen::Vector2i;
 
-// A lattice's nodes by place, in an array: a texture may have thousands, and a board as many places in them.
-class NodeTable {
+// How many nodes a rectangle of places has, from sums over the places above and left of each.
+class NodeCounts {
  public:
-  explicit NodeTable(const Lattice& lattice) {
-    for (const auto& [key, node] : lattice.nodes) {
-      low = low.cwiseMin(Vector2i(key.first, key.second));
-      high = high.cwiseMax(Vector2i(key.first, key.second));
-    }
-    width_ = high.x() - low.x() + 1;
-    const int height = high.y() - low.y() + 1;
-    nodes_.assign(static_cast<std::size_t>(width_) * height, nullptr);
-    for (const auto& [key, node] : lattice.nodes) nodes_[index(key.first, key.second)] = &node;
-    counts_.assign(static_cast<std::size_t>(width_ + 1) * (height + 1), 0);
-    std::size_t place = 0;
-    for (int y = 0; y < height; ++y) {
+  explicit NodeCounts(const NodeTable& nodes) : low_(nodes.low()), size_(nodes.high() - nodes.low()) {
+    size_.array() += 1;
+    counts_.assign(static_cast<std::size_t>(size_.x() + 1) * (size_.y() + 1), 0);
+    for (int y = 0; y < size_.y(); ++y) {
       int in_row = 0;
-      for (int x = 0; x < width_; ++x) {
-        in_row += nodes_[place++] != nullptr;
-        counts_[countIndex(x + 1, y + 1)] = counts_[countIndex(x + 1, y)] + in_row;
+      for (int x = 0; x < size_.x(); ++x) {
+        in_row += nodes.at(low_.x() + x, low_.y() + y) != nullptr;
+        counts_[index(x + 1, y + 1)] = counts_[index(x + 1, y)] + in_row;
       }
     }
   }
 
-  Vector2i low{1 << 20, 1 << 20}, high{-(1 << 20), -(1 << 20)};  // Of the places taken.
-
-  const Lattice::Node* at(int i, int j) const {
-    const bool inside = i >= low.x() && j >= low.y() && i <= high.x() && j <= high.y();
-    return inside ? nodes_[index(i, j)] : nullptr;
-  }
-
   // Nodes of (i0, j0) up to and without (i1, j1).
   int countIn(int i0, int j0, int i1, int j1) const {
-    const int x0 = std::max(i0 - low.x(), 0), x1 = std::min(i1, high.x() + 1) - low.x();
-    const int y0 = std::max(j0 - low.y(), 0), y1 = std::min(j1, high.y() + 1) - low.y();
+    const int x0 = std::max(i0 - low_.x(), 0), x1 = std::min(i1 - low_.x(), size_.x());
+    const int y0 = std::max(j0 - low_.y(), 0), y1 = std::min(j1 - low_.y(), size_.y());
     if (x0 >= x1 || y0 >= y1) return 0;
-    return counts_[countIndex(x1, y1)] - counts_[countIndex(x0, y1)] - counts_[countIndex(x1, y0)] +
-           counts_[countIndex(x0, y0)];
+    return counts_[index(x1, y1)] - counts_[index(x0, y1)] - counts_[index(x1, y0)] + counts_[index(x0, y0)];
   }
 
  private:
-  std::size_t index(int i, int j) const {
-    return static_cast<std::size_t>(j - low.y()) * width_ + (i - low.x());
-  }
-  std::size_t countIndex(int x, int y) const { return static_cast<std::size_t>(y) * (width_ + 1) + x; }
+  std::size_t index(int x, int y) const { return static_cast<std::size_t>(y) * (size_.x() + 1) + x; }
 
-  int width_ = 0;
-  std::vector<const Lattice::Node*> nodes_;
-  std::vector<int> counts_;  // Of the nodes above and left of a place.
+  Vector2i low_, size_;
+  std::vector<int> counts_;
 };
 
 // Nodes on a line from (i, j) in steps of (di, dj) that continue the squares inside by a whole square;
@@ -77,7 +59,9 @@ int countLine(const NodeTable& nodes, int i, int j, int di, int dj, int length, 
 std::vector<Placement> findPlacements(const Lattice& lattice, const Checkerboard& board) {
   if (lattice.nodes.empty()) return {};
   const NodeTable nodes(lattice);
-  const int i_min = nodes.low.x(), i_max = nodes.high.x(), j_min = nodes.low.y(), j_max = nodes.high.y();
+  const NodeCounts counts(nodes);
+  const int i_min = nodes.low().x(), i_max = nodes.high().x(), j_min = nodes.low().y(),
+            j_max = nodes.high().y();
   std::vector<Placement> placements;
   for (const bool turned : {false, true}) {
     if (turned && board.cornersX() == board.cornersY()) break;
@@ -87,7 +71,7 @@ std::vector<Placement> findPlacements(const Lattice& lattice, const Checkerboard
     for (int j0 = std::min(j_min, j_max - rows + 1); j0 <= std::max(j_min, j_max - rows + 1); ++j0) {
       for (int i0 = std::min(i_min, i_max - columns + 1); i0 <= std::max(i_min, i_max - columns + 1); ++i0) {
         Placement placement{i0, j0, columns, rows, 0};
-        placement.present = nodes.countIn(i0, j0, i0 + columns, j0 + rows);
+        placement.present = counts.countIn(i0, j0, i0 + columns, j0 + rows);
         if (placement.present * 10 < columns * rows * 7 || placement.present < 4) continue;
         // Squares that go on beyond a side: the board is larger, or this is part of another pattern.
         const int i1 = i0 + columns, j1 = j0 + rows;

@@ -2,6 +2,7 @@
 #include "search.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <opencv2/core/hal/intrin.hpp>
 
@@ -31,6 +32,17 @@ std::optional<Found> examine(const cv::Mat& gray, const Checkerboard& board, dou
     remeasureBesideSolid(gray, solid, found.grid);
   }
   return found;
+}
+
+// Bounds the time spent on a texture: clutter has half as many, and black on white has as much contrast as anything in
+// its light.
+std::vector<Saddle> clearest(std::vector<Saddle> saddles) {
+  constexpr std::size_t kMostSaddles = 4000;
+  if (saddles.size() <= kMostSaddles) return saddles;
+  std::nth_element(saddles.begin(), saddles.begin() + kMostSaddles, saddles.end(),
+                   [](const Saddle& a, const Saddle& b) { return a.contrast > b.contrast; });
+  saddles.resize(kMostSaddles);
+  return saddles;
 }
 
 }  // namespace
@@ -67,8 +79,12 @@ std::optional<Found> searchBoard(const cv::Mat& gray, const Checkerboard& board,
   };
   std::vector<cv::Mat> pyramid{gray};
   std::map<int, Level> seen;
-  // Fine textures imitate boards of a few pixels per square: such a one is taken only if there is no larger one.
+  // Fine textures imitate boards of a few pixels per square: such a one is taken only if there is no larger
+  // one.
   constexpr double kSureSpacingPx = 6.0;
+  // Squares larger than this are seen well enough a level coarser, if that was searched: the straight lines
+  // of tiles and buildings need not be followed across the whole image again.
+  constexpr float kLongestAgainPx = 48.0f;
   std::optional<Found> best;
   const int min_nodes = std::max(4, board.cornerCount() * 7 / 10);
   for (const auto& find : {findLattices, growLattices}) {
@@ -79,10 +95,12 @@ std::optional<Found> searchBoard(const cv::Mat& gray, const Checkerboard& board,
       Level& here = seen[level];
       if (here.smoothed.empty()) {
         here.smoothed = smooth(image);
-        here.saddles = withoutTwins(image.size(), findSaddles(here.smoothed));
+        here.saddles = clearest(withoutTwins(image.size(), findSaddles(here.smoothed)));
       }
       const double scale = 1 << level;
-      for (const Lattice& lattice : find(here.smoothed, here.saddles, min_nodes)) {
+      const bool is_coarser_done = seen.count(level + 1) > 0;
+      const float longest_px = is_coarser_done ? kLongestAgainPx : std::hypot(image.cols, image.rows);
+      for (const Lattice& lattice : find(here.smoothed, here.saddles, min_nodes, longest_px)) {
         for (const Placement& placement : findPlacements(lattice, board)) {
           auto found = examine(gray, board, rim_squares, lattice, scale, placement);
           if (!found) continue;

@@ -295,6 +295,9 @@ bool isWholeBoard(const cv::Mat& gray, const Grid& grid, const Checkerboard& boa
   // narrow rim look like a corner now and then; if many do, the rim must be there to prove the end.
   const auto endsOnSide = [&](const Side& side) {
     const auto [next, none] = following(side);
+    // The pattern goes on. Halfway between two lines of squares it may still be bright all along, in a light that
+    // grows that way.
+    if (next >= 3 && 4 * next >= 3 * (next + none)) return false;
     const bool by_chance = next < 2 || 4 * next <= next + none;
     const double one = 1.0 + std::min(0.25, 0.5 * rim_squares);
     const auto [white, all] = rim(side, one, true);

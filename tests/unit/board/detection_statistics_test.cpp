@@ -36,6 +36,12 @@ TEST(DetectionStatistics, NoBoardIsFoundWhereNoneIs) {
   }
 }
 
+// A part of a blurred 9 x 7 board whose light grows towards the rest of it: halfway between two lines of squares it is
+// as bright as a rim.
+TEST(DetectionStatistics, APartOfALargerBoardInALightThatGrowsIsNoBoard) {
+  EXPECT_TRUE(falseBoards(test::otherBoardFrame, BoardSpec(), 2026, kVga, 5, 6).empty());
+}
+
 // Negative control: the same frames have boards for whoever looks for one of 8 x 5 squares.
 TEST(DetectionStatistics, MeasuresSeeAFalseBoard) {
   const auto frames = falseBoards(test::otherBoardFrame, test::plainBoard(8, 5), kSeed, kVga, 0, 16);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <gtest/gtest.h>
 
+#include "detection_frames.h"
 #include "pictures.h"
 #include "servocal/board/detector.h"
 
@@ -90,6 +91,18 @@ TEST(Mark, ASymmetricBoardIsNeverDecidedAndKeepsItsTurnWhileTracked) {
     EXPECT_FALSE(detection->orientation_known);
     EXPECT_LT((detection->corners[0].pixel - last).norm(), 60.0) << frame;
     last = detection->corners[0].pixel;
+  }
+}
+
+// Squares so blurred that a hollow one cannot be told from a solid one are squares still.
+TEST(Mark, BlurMeansUndecidedNotAbsent) {
+  const BoardSpec board;
+  const cv::Size camera(640, 480);
+  for (const int frame : {219, 266, 381}) {
+    const Picture picture = renderPicture(board, test::boardFrame(12, board, camera, frame));
+    const auto detection = Detector(board).detect(picture.gray);
+    ASSERT_TRUE(detection) << frame;
+    EXPECT_LT(std::min(rmsPx(*detection, picture.corners), test::rmsTurnedPx(*detection, picture.corners)), 1.0) << frame;
   }
 }
 
