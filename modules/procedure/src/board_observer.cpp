@@ -2,6 +2,7 @@
 #include "board_observer.h"
 
 #include "servocal/calib/board_pose.h"
+#include "servocal/sensor/exposure.h"
 
 namespace servocal::procedure {
 namespace {
@@ -49,8 +50,20 @@ std::optional<SeenFrame> BoardObserver::see(Instant deadline) {
   seen.detection = detector_.track(frame->image);
   if (!seen.detection) seen.detection = detector_.detect(frame->image);
   seen.frame = std::move(*frame);
+  ++looks_;
+  if (!seen.detection) {
+    if (auto trouble = sensor::exposureTrouble(seen.frame.image)) {
+      ++badly_exposed_;
+      light_trouble_ = *std::move(trouble);
+    }
+  }
   if (watcher_) watcher_(seen);
   return seen;
+}
+
+std::optional<std::string> BoardObserver::lightTrouble() const {
+  if (2 * badly_exposed_ <= looks_) return std::nullopt;
+  return light_trouble_;
 }
 
 bool BoardObserver::isUsable(const BoardDetection& detection) const {

@@ -5,6 +5,7 @@
 #include <functional>
 #include <opencv2/core/mat.hpp>
 #include <optional>
+#include <string>
 #include <utility>
 
 #include "servocal/board/detector.h"
@@ -40,6 +41,10 @@ class BoardObserver final : public servo::Observer {
   using Prediction = std::function<std::optional<Pose<Color, Board>>(Instant stamp)>;
   void setPrediction(Prediction prediction) { predict_ = std::move(prediction); }
 
+  /// What is wrong with the exposure of most frames in which no board was found; nothing if the board was
+  /// found in most, or if nothing is wrong with it.
+  std::optional<std::string> lightTrouble() const;
+
   /// Called with every frame that is looked at.
   using Watcher = std::function<void(const SeenFrame&)>;
   void setWatcher(Watcher watcher) { watcher_ = std::move(watcher); }
@@ -56,6 +61,8 @@ class BoardObserver final : public servo::Observer {
   Prediction predict_;
   Watcher watcher_;
   std::optional<Pose<Color, Board>> last_pose_;
+  int looks_ = 0, badly_exposed_ = 0;
+  std::string light_trouble_;  ///< Of the last one.
 };
 
 }  // namespace servocal::procedure

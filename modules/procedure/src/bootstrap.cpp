@@ -66,8 +66,9 @@ std::optional<std::string> bootstrap(Run& run, Eye& eye) {
 
   const auto start_seen = seeBoard(run, eye);
   if (!start_seen || !run.observe("bootstrap", eye)) {
-    return "The camera does not see the board at the start pose. Put the board into its view (arm: start_q_deg "
-           "in the cell file), facing it, or let the arm look for the cameras (arm: search), and start again.";
+    return "The camera does not see the board at the start pose" + eye.whyBlind() +
+           ". Put the board into its view (arm: start_q_deg in the cell file), facing it, or let the arm look for "
+           "the cameras (arm: search), and start again.";
   }
   run.report("bootstrap", eye, 1, planned, "The camera sees the board.");
 

@@ -67,6 +67,8 @@ void addTiming(Eye& eye, CameraResult& camera, std::vector<std::string>& missing
   }
   const sensor::FrameCounts counts = eye.device().counts(eye.stream());
   if (counts.dropped() > 0) camera.notes.push_back(std::string(toString(eye.stream())) + " frames dropped: " + counts.text());
+  if (const auto slow = eye.device().slowness(eye.stream()))
+    camera.notes.push_back(std::string(toString(eye.stream())) + ": " + *slow);
 }
 
 void addCoverage(const std::string& camera, Eye& eye, std::optional<CoverageSummary>& summary, bool wanted,

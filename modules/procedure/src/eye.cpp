@@ -136,6 +136,16 @@ std::optional<std::string> Eye::tooLate() const {
   return text;
 }
 
+std::string Eye::whyBlind() const {
+  if (const auto light = observer_.lightTrouble()) return " (" + *light + ")";
+  const sensor::FrameCounts counts = device_.counts(stream_);
+  if (counts.accepted == 0 && counts.dropped() == 0) return " (no image came from it)";
+  if (counts.dropped() > counts.accepted)
+    return " (most of its images were of no use: " + counts.text() + ")";
+  if (const auto slow = device_.slowness(stream_)) return " (" + *slow + ")";
+  return "";
+}
+
 void Eye::count(const StreamObservation& view) {
   ++views;
   std::vector<Eigen::Vector2d> pixels;

@@ -67,6 +67,10 @@ class Eye {
   /// Why no servo may go by this eye's images: they are too old when they come. Nothing if they are not.
   std::optional<std::string> tooLate() const;
 
+  /// Why this eye hardly sees anything, as far as its frames tell: " (" half a sentence ")"; empty if they
+  /// are fine.
+  std::string whyBlind() const;
+
   /// Counts a settled view.
   void count(const StreamObservation& view);
   /// Keeps the sighting nearest to the image centre.

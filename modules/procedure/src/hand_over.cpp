@@ -6,7 +6,8 @@ namespace servocal::procedure {
 
 std::optional<std::string> handOver(Run& run, Eye& eye) {
   if (!eye.bMc() && !eye.sighting) {
-    return "it never saw the board; point it at the space the arm reaches, or give it a start pose";
+    return "it never saw the board" + eye.whyBlind() +
+           "; point it at the space the arm reaches, or give it a start pose";
   }
   if (!eye.bMc()) {
     if (auto blocked = run.travelTo(eye.sighting->robot.bMe)) return blocked;

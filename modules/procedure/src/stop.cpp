@@ -58,6 +58,23 @@ BoardDetection average(const std::vector<BoardDetection>& detections) {
   return mean;
 }
 
+/// Median shift of the corners that both hold, beyond their noise, px; nothing if there are none.
+std::optional<double> motionBeyondNoise(const BoardDetection& before, const BoardDetection& after) {
+  std::vector<double> beyond_noise_px;
+  auto later = after.corners.begin();
+  for (const Corner& corner : before.corners) {
+    while (later != after.corners.end() && later->id < corner.id) ++later;
+    if (later == after.corners.end()) break;
+    if (later->id != corner.id) continue;
+    const double noise_px = std::sqrt((corner.covariance_px2 + later->covariance_px2).trace());
+    beyond_noise_px.push_back((corner.pixel - later->pixel).norm() - noise_px);
+  }
+  if (beyond_noise_px.empty()) return std::nullopt;
+  const auto middle = beyond_noise_px.begin() + static_cast<std::ptrdiff_t>(beyond_noise_px.size() / 2);
+  std::nth_element(beyond_noise_px.begin(), middle, beyond_noise_px.end());
+  return *middle;
+}
+
 }  // namespace
 
 std::vector<StopView> gatherStop(Clock& clock, const std::vector<Eye*>& eyes, Instant rest, bool first_is_wanted) {
@@ -102,20 +119,12 @@ std::vector<StopView> gatherStop(Clock& clock, const std::vector<Eye*>& eyes, In
 }
 
 bool isStill(const StopView& view) {
-  const BoardDetection &before = view.detections.front(), &after = view.detections.back();
-  std::vector<double> beyond_noise_px;
-  auto later = after.corners.begin();
-  for (const Corner& corner : before.corners) {
-    while (later != after.corners.end() && later->id < corner.id) ++later;
-    if (later == after.corners.end()) break;
-    if (later->id != corner.id) continue;
-    const double noise_px = std::sqrt((corner.covariance_px2 + later->covariance_px2).trace());
-    beyond_noise_px.push_back((corner.pixel - later->pixel).norm() - noise_px);
-  }
-  if (beyond_noise_px.empty()) return false;
-  const auto middle = beyond_noise_px.begin() + static_cast<std::ptrdiff_t>(beyond_noise_px.size() / 2);
-  std::nth_element(beyond_noise_px.begin(), middle, beyond_noise_px.end());
-  return *middle < kStillPx;
+  // Every frame, not just the last: what sways may be back where it was.
+  const BoardDetection& first = view.detections.front();
+  return std::all_of(view.detections.begin() + 1, view.detections.end(), [&](const BoardDetection& later) {
+    const auto moved_px = motionBeyondNoise(first, later);
+    return moved_px && *moved_px < kStillPx;
+  });
 }
 
 StreamObservation toObservation(const StopView& stop, const BoardSpec& board) {

@@ -24,7 +24,7 @@ struct StopView {
 /// are not used. Views with too few detections are left out of the answer; it is empty if `wanted`'s is.
 std::vector<StopView> gatherStop(Clock& clock, const std::vector<Eye*>& eyes, Instant rest, bool first_is_wanted);
 
-/// True if the corners stayed where they were from the first to the last frame.
+/// True if the corners stayed where they were in all frames.
 bool isStill(const StopView& view);
 
 /// The view as it goes into an observation: detections averaged, depth measured. What is wrong with the depth is

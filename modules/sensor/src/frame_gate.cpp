@@ -2,12 +2,17 @@
 #include "servocal/sensor/frame_gate.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <cstring>
+
+#include "servocal/core/error.h"
 
 namespace servocal::sensor {
 namespace {
 
 constexpr int kRowsLookedAt = 120;  // Enough: noise changes every row of a living image.
+constexpr int kFramesForRate = 30;
+constexpr double kSlowShare = 0.5;  // Of the rate that was agreed on.
 
 // FNV-1a (Fowler, Noll, Vo) over eight bytes at a time.
 std::uint64_t contentOf(const cv::Mat& image) {
@@ -87,16 +92,71 @@ FrameFate FrameGate::judge(const Frame& frame, Instant now) {
 GatedCamera::Watch& GatedCamera::watch(Stream stream) {
   const auto found = watches_.find(stream);
   if (found != watches_.end()) return found->second;
-  Watch fresh{FrameGate(options_), std::nullopt};
+  Watch fresh;
+  fresh.gate = FrameGate(options_);
   if (stamps_) fresh.clock.emplace(*stamps_);
   return watches_.emplace(stream, std::move(fresh)).first->second;
 }
 
+const StreamMode* GatedCamera::mode(Stream stream) const {
+  for (const StreamMode& mode : info().streams) {
+    if (mode.stream == stream) return &mode;
+  }
+  return nullptr;
+}
+
+void GatedCamera::checkSize(const Frame& frame) const {
+  const StreamMode* agreed = mode(frame.stream);
+  if (!agreed || (frame.image.cols == agreed->width_px && frame.image.rows == agreed->height_px)) return;
+  throw Error(
+      ErrorKind::kHardwareAbsent,
+      "Camera '" + info().name + "' sent a " + toString(frame.stream) + " image of " +
+          std::to_string(frame.image.cols) + " x " + std::to_string(frame.image.rows) + " px in place of " +
+          std::to_string(agreed->width_px) + " x " + std::to_string(agreed->height_px) +
+          ". Another program changed its resolution, or the driver did: see that nothing else uses the "
+          "camera, then resume the run.");
+}
+
+void GatedCamera::measureRate(Watch& by, const Frame& frame, Instant asked) const {
+  const StreamMode* agreed = mode(frame.stream);
+  if (!agreed || !(agreed->rate_hz > 0.0)) return;
+  // Asked for before its successor can have come, the frame before was not followed by one that was missed.
+  const bool missed_none = by.last_received && asked < *by.last_received + fromSeconds(0.5 / agreed->rate_hz);
+  if (missed_none && frame.stamp > *by.last_stamp) {
+    by.waited = std::min(by.waited + 1, kFramesForRate);
+    by.gap_s += (toSeconds(frame.stamp - *by.last_stamp) - by.gap_s) / by.waited;
+  }
+  by.last_stamp = frame.stamp;
+  by.last_received = frame.received;
+}
+
+std::optional<double> GatedCamera::measuredRateHz(Stream stream) const {
+  const auto by = watches_.find(stream);
+  if (by == watches_.end() || by->second.waited < kFramesForRate) return std::nullopt;
+  return 1.0 / by->second.gap_s;
+}
+
+std::optional<std::string> GatedCamera::slowness(Stream stream) const {
+  const auto measured = measuredRateHz(stream);
+  if (!measured || *measured >= kSlowShare * mode(stream)->rate_hz) return std::nullopt;
+  char text[200];
+  std::snprintf(
+      text, sizeof text,
+      "%.1f images per second came in place of %.0f; see with servocal-devices whether it shares a USB "
+      "controller, or whether it exposes longer for want of light",
+      *measured, mode(stream)->rate_hz);
+  return text;
+}
+
 std::optional<Frame> GatedCamera::next(Stream stream, Instant deadline) {
   Watch& by = watch(stream);
+  Instant asked = clock_.now();
   while (std::optional<Frame> frame = camera_.next(stream, deadline)) {
+    checkSize(*frame);
     if (by.clock) frame->stamp = by.clock->read(frame->device_stamp_s, frame->received).stamp;
     frame->stamp -= fromSeconds(by.offset_s);
+    measureRate(by, *frame, asked);
+    asked = clock_.now();
     if (by.gate.judge(*frame, clock_.now()) == FrameFate::kAccepted) return frame;
   }
   return std::nullopt;
@@ -106,6 +166,8 @@ void GatedCamera::setOffset(Stream stream, double offset_s) {
   Watch& by = watch(stream);
   by.offset_s = offset_s;
   by.gate.restamped();
+  by.last_stamp.reset();
+  by.last_received.reset();
 }
 
 FrameCounts GatedCamera::counts(Stream stream) const {

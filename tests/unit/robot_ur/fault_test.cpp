@@ -2,6 +2,8 @@
 // Something breaks while the arm moves: it stops, the driver says why, and nothing moves again by itself.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "ur_cell.h"
 
 namespace servocal::robot::ur {
@@ -64,6 +66,63 @@ TEST(UrWireFault, PackagesThatNeverCameAreCounted) {
   cell.clock.sleepFor(std::chrono::milliseconds(100));
   cell.controller.behave();
   EXPECT_TRUE(cell.waitFor([&] { return arm->report().missed > 0; }));
+}
+
+// Arrivals come 0 to 40 ms late; neither the arm nor the stamps of its states follow them.
+TEST(UrWireFault, JitterIsNoFaultAndDoesNotReachTheStamps) {
+  UrCell cell;
+  const auto arm = cell.armed();
+  cell.controller.misbehave(UrFault::kJitter);
+  double least_s = 1e9, most_s = -1e9;
+  const std::size_t before = arm->report().states;
+  const auto error = cell.drive(*arm, UrCell::up(), [&] {
+    const RobotState state = arm->state();
+    const double offset_s = toSeconds(state.stamp) - state.device_stamp_s;
+    least_s = std::min(least_s, offset_s);
+    most_s = std::max(most_s, offset_s);
+    return arm->report().states > before + 200;
+  });
+  ASSERT_FALSE(error) << error->what();
+  EXPECT_TRUE(cell.moves());
+  EXPECT_EQ(arm->report().missed, 0u);
+  EXPECT_LT(most_s - least_s, 0.008);
+}
+
+// A cable that loses one package in ten: TCP sends again, so states and commands come 200 ms late. That is
+// silence to the driver, and it gives up; one with more patience shows that nothing else would have.
+TEST(UrWireFault, LossOfTenPercentStopsTheArm) {
+  {
+    UrCell cell;
+    ArmOptions options = patient();
+    options.dead_peer = std::chrono::milliseconds(150);
+    options.watchdog = std::chrono::milliseconds(300);
+    const auto arm = cell.armed(options);
+    const auto error = errorInMotion(cell, *arm, UrFault::kLossy);
+    ASSERT_TRUE(error.has_value());
+    EXPECT_EQ(error->kind(), ErrorKind::kHardwareAbsent);
+    expectPart(error->what(), "sent no state for");
+    const UrControllerTruth truth = cell.controller.truth();
+    EXPECT_LT(truth.last_motion_s - truth.last_moving_input_s, 0.6);
+  }
+  UrCell cell;
+  const auto arm = cell.armed();
+  cell.controller.misbehave(UrFault::kLossy);
+  const Instant end = cell.clock.now() + std::chrono::milliseconds(1500);
+  const auto error = cell.drive(*arm, UrCell::up(), [&] { return cell.clock.now() > end; });
+  EXPECT_FALSE(error) << error->what();
+  EXPECT_TRUE(cell.moves());
+}
+
+TEST(UrArmFault, ReducedModeIsReportedAndNoStop) {
+  UrCell cell;
+  const auto arm = cell.armed();
+  EXPECT_EQ(arm->report().safety_mode, 1);
+  cell.controller.misbehave(UrFault::kReducedMode);
+  const auto error =
+      cell.drive(*arm, UrCell::up(), [&] { return arm->report().safety_mode == 2 && cell.moves(); });
+  EXPECT_FALSE(error) << error->what();
+  EXPECT_EQ(arm->report().safety_mode, 2);
+  EXPECT_TRUE(arm->armed());
 }
 
 TEST(UrArmFault, IsLatchedAndNamed) {

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <deque>
+#include <opencv2/imgproc.hpp>
 
+#include "errors.h"
 #include "servocal/sensor/frame_gate.h"
 
 namespace servocal::sensor {
@@ -30,9 +33,36 @@ class ListCamera final : public RgbdCamera {
     return frame;
   }
   std::deque<Frame> frames;
+  CameraInfo info_;
+};
+
+// Delivers a frame every `period_s`, of `size`, on a clock that it moves on itself.
+class SteadyCamera final : public RgbdCamera {
+ public:
+  explicit SteadyCamera(Clock& clock) : clock_(clock) {
+    info_.name = "side";
+    info_.streams = {{Stream::kColor, 65, 48, 30.0, false}};
+  }
+  const CameraInfo& info() const override { return info_; }
+  std::optional<Frame> next(Stream stream, Instant) override {
+    const auto period = fromSeconds(period_s);
+    const auto missed = std::max<std::int64_t>(0, (clock_.now() - delivered_) / period - 1);
+    delivered_ += (missed + 1) * period;
+    clock_.sleepUntil(delivered_);
+    Frame frame = frameAt(0.0, 1 + static_cast<int>(++count_ % 200), stream);
+    cv::resize(frame.image, frame.image, size, 0, 0, cv::INTER_NEAREST);
+    frame.stamp = delivered_ - std::chrono::milliseconds(20);
+    frame.received = delivered_;
+    return frame;
+  }
+  double period_s = 1.0 / 30.0;
+  cv::Size size{65, 48};
 
  private:
+  Clock& clock_;
   CameraInfo info_;
+  Instant delivered_ = at(1.0);
+  std::int64_t count_ = 0;
 };
 
 TEST(FrameGate, NamesEachFate) {
@@ -66,6 +96,49 @@ TEST(GatedCamera, HandsOutOnlyGoodFramesAndCountsPerStream) {
   // Another stream has its own order.
   list.frames = {frameAt(1.75, 1, Stream::kDepth)};
   EXPECT_TRUE(camera.next(Stream::kDepth, at(2.1)).has_value());
+}
+
+TEST(GatedCamera, RefusesAnImageOfAnotherSizeThanWasAgreedOn) {
+  SimulatedClock clock;
+  SteadyCamera steady(clock);
+  GatedCamera camera(steady, clock);
+  EXPECT_TRUE(camera.next(Stream::kColor, at(9.0)));
+  steady.size = {32, 24};
+  const std::string message =
+      test::messageOf(ErrorKind::kHardwareAbsent, [&] { (void)camera.next(Stream::kColor, at(9.0)); });
+  test::expectPart(message, "'side'");
+  test::expectPart(message, "32 x 24 px in place of 65 x 48");
+}
+
+TEST(GatedCamera, SaysWhenFramesComeTooSlowly) {
+  SimulatedClock clock;
+  SteadyCamera steady(clock);
+  GatedCamera camera(steady, clock);
+  const auto look = [&](int frames) {
+    for (int i = 0; i < frames; ++i) (void)camera.next(Stream::kColor, at(1e3));
+  };
+  look(20);
+  EXPECT_FALSE(camera.measuredRateHz(Stream::kColor));
+  look(20);
+  EXPECT_NEAR(camera.measuredRateHz(Stream::kColor).value(), 30.0, 0.1);
+  EXPECT_FALSE(camera.slowness(Stream::kColor));
+  steady.period_s = 0.25;
+  look(100);
+  EXPECT_NEAR(camera.measuredRateHz(Stream::kColor).value(), 4.0, 0.2);
+  test::expectPart(camera.slowness(Stream::kColor).value(), "4.1 images per second came in place of 30");
+}
+
+// Whoever comes late to fetch frames learns nothing of the camera.
+TEST(GatedCamera, DoesNotBlameTheCameraForASlowProgram) {
+  SimulatedClock clock;
+  SteadyCamera steady(clock);
+  GatedCamera camera(steady, clock);
+  for (int i = 0; i < 200; ++i) {
+    (void)camera.next(Stream::kColor, at(1e3));
+    clock.sleepFor(std::chrono::milliseconds(150));
+  }
+  EXPECT_FALSE(camera.measuredRateHz(Stream::kColor));
+  EXPECT_FALSE(camera.slowness(Stream::kColor));
 }
 
 TEST(PairFrames, FindsTheNewestMomentThatAllStreamsSaw) {

@@ -11,6 +11,8 @@ namespace {
 
 constexpr int kMergedPackages = 4;
 constexpr double kLatenessS = 0.030;
+constexpr double kJitterS = 0.040;
+constexpr double kLoss = 0.1, kSentAgainAfterS = 0.2;
 constexpr char kOutputRecipe = 1, kInputRecipe = 2;
 
 std::string package(char type, const std::string& payload) {
@@ -65,7 +67,9 @@ struct Output {
 
 int robotMode(const ControllerState& s) { return s.has(UrFault::kPowerOff) ? 3 : 7; }
 int safetyMode(const ControllerState& s) {
-  return s.has(UrFault::kProtectiveStop) ? 3 : s.has(UrFault::kEmergencyStop) ? 7 : 1;
+  if (s.has(UrFault::kProtectiveStop)) return 3;
+  if (s.has(UrFault::kEmergencyStop)) return 7;
+  return s.has(UrFault::kReducedMode) ? 2 : 1;
 }
 unsigned runtimeState(const ControllerState& s) { return !s.program ? 1 : s.paused() ? 4 : 2; }
 unsigned statusBits(const ControllerState& s) {
@@ -104,6 +108,11 @@ std::optional<Output> output(const std::string& name, const ControllerState& s) 
   return std::nullopt;
 }
 
+/// TCP keeps the order: not before those that wait already.
+double inOrder(const std::deque<std::pair<double, std::string>>& waiting, double at_s) {
+  return waiting.empty() ? at_s : std::max(at_s, waiting.back().first);
+}
+
 }  // namespace
 
 std::vector<int> RtdeServer::descriptors() const {
@@ -135,10 +144,18 @@ void RtdeServer::serve() {
                  clients_.end());
 }
 
+double RtdeServer::lateness() {
+  if (state_.has(UrFault::kLate)) return kLatenessS;
+  if (state_.has(UrFault::kJitter)) return chance_.uniform(0.0, kJitterS);
+  if (state_.has(UrFault::kLossy)) return chance_.uniform(0.0, 1.0) < kLoss ? kSentAgainAfterS : 0.0;
+  return 0.0;
+}
+
 void RtdeServer::send(Client& client, const std::string& bytes) {
   if (state_.has(UrFault::kSilent)) return;
-  if (state_.has(UrFault::kLate)) {
-    client.late.emplace_back(state_.time_s + kLatenessS, bytes);
+  const double late_s = lateness();
+  if (late_s > 0.0 || !client.late.empty()) {
+    client.late.emplace_back(inOrder(client.late, state_.time_s + late_s), bytes);
   } else if (state_.has(UrFault::kSplitPackages)) {
     for (const char byte : bytes) client.connection->write(std::string(1, byte));
   } else {
@@ -147,7 +164,12 @@ void RtdeServer::send(Client& client, const std::string& bytes) {
 }
 
 void RtdeServer::handle(Client& client, char type, const std::string& payload) {
-  if (type == 'U') return takeInput(client, payload);
+  if (type == 'U') {
+    const double late_s = state_.has(UrFault::kLossy) ? lateness() : 0.0;
+    if (late_s == 0.0 && client.late_inputs.empty()) return takeInput(client, payload);
+    client.late_inputs.emplace_back(inOrder(client.late_inputs, state_.time_s + late_s), payload);
+    return;
+  }
   if (state_.has(UrFault::kTextMidHandshake))
     send(client, text("RTDE control interface is busy with other things"));
   switch (type) {
@@ -285,6 +307,10 @@ void RtdeServer::publish() {
     while (!client->late.empty() && client->late.front().first <= state_.time_s) {
       client->connection->write(client->late.front().second);
       client->late.pop_front();
+    }
+    while (!client->late_inputs.empty() && client->late_inputs.front().first <= state_.time_s) {
+      takeInput(*client, client->late_inputs.front().second);
+      client->late_inputs.pop_front();
     }
     if (!client->started || state_.time_s < client->next_due_s - 1e-6) continue;
     client->next_due_s += 1.0 / client->frequency_hz;

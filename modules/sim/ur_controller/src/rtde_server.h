@@ -38,6 +38,7 @@ class RtdeServer {
     int merged_count = 0;
     std::string swapped;                              ///< or behind its successor,
     std::deque<std::pair<double, std::string>> late;  ///< or until an instant.
+    std::deque<std::pair<double, std::string>> late_inputs;
   };
 
   void handle(Client& client, char type, const std::string& payload);
@@ -47,11 +48,13 @@ class RtdeServer {
   void send(Client& client, const std::string& package);
   void sendData(Client& client);
   void spoil(Client& client, const std::string& package);
+  double lateness();  ///< Of one package, s.
   bool owned(const std::string& name, const Client& asking) const;
 
   ControllerState& state_;
   Listener listener_;
   std::vector<std::unique_ptr<Client>> clients_;
+  Random chance_{1, "network"};
 };
 
 }  // namespace servocal::sim

@@ -57,8 +57,9 @@ class FrameGate {
   std::optional<std::uint64_t> content_;  // Of the frame before.
 };
 
-/// A camera by the run's clock: stamps are made from the device's own, one StampClock per stream, what is known to
-/// be wrong with them is taken off, and bad frames are dropped and counted.
+/// A camera by the run's clock: stamps are made from the device's own, one StampClock per stream, what is
+/// known to be wrong with them is taken off, and bad frames are dropped and counted. It also knows how fast
+/// frames really come.
 class GatedCamera final : public RgbdCamera {
  public:
   /// `camera` and `clock` must outlive it. Without `stamps` the frames keep those they come with.
@@ -66,17 +67,32 @@ class GatedCamera final : public RgbdCamera {
               const std::optional<StampClockOptions>& stamps = std::nullopt)
       : camera_(camera), clock_(clock), options_(options), stamps_(stamps) {}
   const CameraInfo& info() const override { return camera_.info(); }
+  /// @throws Error (kHardwareAbsent) also if the image is not of the size that info() says: no detection of
+  /// it
+  ///   would fit those before.
   std::optional<Frame> next(Stream stream, Instant deadline) override;
   /// Stamps of the stream turned out to be so much too late, in all; taken off from now on.
   void setOffset(Stream stream, double offset_s);
   FrameCounts counts(Stream stream) const;
+  /// Frames per second of the stream, over the last 30 that were waited for as soon as the one before was
+  /// there (a program too busy to fetch them says nothing of the camera). Nothing before that, or if info()
+  /// names no rate.
+  std::optional<double> measuredRateHz(Stream stream) const;
+  /// A sentence for the operator if that is less than half of what info() says.
+  std::optional<std::string> slowness(Stream stream) const;
 
  private:
   struct Watch {
     FrameGate gate;
     std::optional<StampClock> clock;
     double offset_s = 0.0;
+    std::optional<Instant> last_stamp, last_received;
+    int waited = 0;      ///< Frames that were waited for from the one before on,
+    double gap_s = 0.0;  ///< and how far the last of them were apart, on average.
   };
+  const StreamMode* mode(Stream stream) const;
+  void checkSize(const Frame& frame) const;
+  void measureRate(Watch& by, const Frame& frame, Instant asked) const;
   Watch& watch(Stream stream);
 
   RgbdCamera& camera_;

@@ -36,6 +36,9 @@ enum class UrFault {
   kNotFinite,         ///< A NaN in the joint angles.
   kGarbage,           ///< Random bytes.
   kLate,              ///< Everything 30 ms late.
+  kJitter,            ///< Data up to 40 ms late, each as it happens, in order.
+  kLossy,             ///< What TCP makes of 10 % loss: one in ten packages comes 200 ms late, either way, and
+                      ///< those behind it wait.
   kSilent,            ///< Sends nothing any more.
   kDeaf,              ///< Takes no input any more, as if the cable were cut one way.
   kClosesLink,
@@ -43,6 +46,7 @@ enum class UrFault {
   kProtectiveStop,
   kEmergencyStop,
   kPowerOff,
+  kReducedMode,  ///< Somebody stands at the light curtain: slower limits, no stop.
   kTeachButton,
   kSliderZero,
   kSliderHalf,

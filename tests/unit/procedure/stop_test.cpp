@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What a stop makes of a cell in which something is wrong just then: nothing, or an observation that is
+// right.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <iostream>
+#include <utility>
+
+#include "cells.h"
+#include "run.h"
+#include "servocal/sim/cell.h"
+#include "sim_truth.h"
+#include "spoiled_camera.h"
+#include "temporary_folder.h"
+
+namespace servocal::procedure {
+namespace {
+
+constexpr double kFrameS = 1.0 / 30.0, kBetweenExposuresS = 0.0267;
+
+/// An arm that creeps, as one with a brake that slips, and says that it stands.
+class CreepingArm final : public robot::Arm {
+ public:
+  explicit CreepingArm(robot::Arm& arm) : arm_(arm) {}
+  const robot::ArmInfo& info() const override { return arm_.info(); }
+  RobotState state() override { return crept(arm_.state()); }
+  RobotState stateAt(Instant stamp) override { return crept(arm_.stateAt(stamp)); }
+  void move(robot::MotionKey key, const Twist<Base>& twist, Duration valid_for) override {
+    arm_.move(key, twist, valid_for);
+  }
+  void moveJoints(robot::MotionKey key, const Eigen::VectorXd& speeds_radps, Duration valid_for) override {
+    arm_.moveJoints(key, speeds_radps, valid_for);
+  }
+  void stop(robot::MotionKey key) override { arm_.stop(key); }
+  double speed_mps = 0.0;
+
+ private:
+  RobotState crept(RobotState state) const {
+    state.bMe = Pose<Base, EndEffector>(
+        Eigen::Matrix3d(state.bMe.rotation()),
+        state.bMe.translation() + speed_mps * toSeconds(state.stamp) * Eigen::Vector3d::UnitZ());
+    return state;
+  }
+  robot::Arm& arm_;
+};
+
+/// A cell with one camera, at its start pose, where the camera sees the board.
+struct Stand {
+  explicit Stand(const CellConfig& its_cell = test::oneCameraCell(), test::SpoiledCamera::Spoil spoil = {})
+      : cell(its_cell), camera(
+                            simulation.camera(cell.cameras[0].name), spoil ? spoil : [](sensor::Frame&) {}) {}
+
+  Eye& eye() { return run.eyes().front(); }
+  std::optional<Observation> observe() { return run.observe("cover", eye()); }
+
+  CellConfig cell;
+  sim::Cell simulation{cell, 3};
+  CreepingArm arm{simulation.arm()};
+  test::SpoiledCamera camera;
+  robot::Kinematics kinematics{cell.arm};
+  robot::Guard guard{arm, kinematics, simulation.clock(), cell};
+  test::TemporaryFolder folder;
+  session::Session session = session::Session::create(folder.path() / "session", cell.text, cell.board, 3);
+  const EventSink on_event{};
+  const LookSink on_look{};
+  const CalibrateOptions options{};
+  Run run{cell, Devices{simulation.clock(), guard, {&camera}}, session, on_event, options, on_look};
+};
+
+/// The board jumps to and fro on its mount between any two exposures of the first second.
+CellConfig swayingCell() {
+  CellConfig cell = test::oneCameraCell();
+  for (int i = 0; i < 30; ++i) {
+    SimulationFault slip;
+    slip.kind = FaultKind::kMountSlip;
+    slip.at_s = kBetweenExposuresS + i * kFrameS;
+    slip.translation_m.x() = i % 2 == 0 ? 0.002 : -0.002;
+    cell.simulation->faults.push_back(slip);
+  }
+  return cell;
+}
+
+TEST(Stop, OfASoundCellIsAnObservation) {
+  Stand stand;
+  ASSERT_TRUE(stand.observe());
+  EXPECT_EQ(stand.session.observations().size(), 1u);
+}
+
+TEST(Stop, ABoardThatStillSwaysIsNotObservedUntilItStands) {
+  Stand stand(swayingCell());
+  EXPECT_FALSE(stand.observe());
+  EXPECT_TRUE(stand.session.observations().empty());
+  stand.simulation.clock().sleepUntil(Instant(std::chrono::milliseconds(1100)));
+  EXPECT_TRUE(stand.observe());
+}
+
+TEST(Stop, AnArmThatCreepsIsNotObserved) {
+  Stand stand;
+  stand.arm.speed_mps = 0.02;
+  EXPECT_FALSE(stand.observe());
+  EXPECT_TRUE(stand.session.observations().empty());
+  stand.arm.speed_mps = 0.0;
+  EXPECT_TRUE(stand.observe());
+}
+
+TEST(Stop, AFlickeringExposureMovesNoCorner) {
+  int frame_number = 0;
+  const auto rmsPx = [](Stand& stand, const Observation& observation) {
+    const sim::Truth truth(stand.simulation);
+    const auto corners = truth.corners(stand.cell.cameras[0].name, observation.views[0].stamp);
+    double squares_px2 = 0.0;
+    for (const Corner& corner : observation.views[0].detection.corners) {
+      squares_px2 += (corner.pixel - corners[static_cast<std::size_t>(corner.id)]).squaredNorm();
+    }
+    return std::sqrt(squares_px2 / static_cast<double>(observation.views[0].detection.corners.size()));
+  };
+  Stand sound, flickering(test::oneCameraCell(), [&](sensor::Frame&frame) {
+    test::expose(frame, std::array{1.0, 0.35, 1.5}[static_cast<std::size_t>(frame_number++ % 3)]);
+  });
+  const auto right = sound.observe(), spoiled = flickering.observe();
+  ASSERT_TRUE(right && spoiled);
+  ASSERT_EQ(spoiled->views[0].detection.corners.size(), right->views[0].detection.corners.size());
+  const double right_px = rmsPx(sound, *right), spoiled_px = rmsPx(flickering, *spoiled);
+  std::cout << "corners off by " << right_px << " px, with flicker " << spoiled_px << " px\n";
+  EXPECT_LT(spoiled_px, right_px + 0.05);
+}
+
+TEST(Stop, DarknessAndGlareAreNamed) {
+  for (const auto& [gain, part] : {std::pair{0.05, "almost black"}, std::pair{8.0, "saturated"}}) {
+    Stand stand(test::oneCameraCell(), [gain = gain](sensor::Frame& frame) { test::expose(frame, gain); });
+    EXPECT_FALSE(stand.observe());
+    const auto problem = bootstrap(stand.run, stand.eye());
+    ASSERT_TRUE(problem);
+    EXPECT_NE(problem->find(part), std::string::npos) << *problem;
+    EXPECT_TRUE(stand.session.observations().empty());
+    EXPECT_FALSE(stand.guard.motionSpan());
+  }
+}
+
+}  // namespace
+}  // namespace servocal::procedure
