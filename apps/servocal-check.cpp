@@ -5,13 +5,14 @@
 #include "servocal/app/main.h"
 #include "servocal/app/progress.h"
 #include "servocal/app/stop_on_signal.h"
+#include "servocal/app_arm/cell_arm.h"
+#include "servocal/app_arm/start_pose.h"
+#include "servocal/app_cameras/cameras.h"
 #include "servocal/core/cell_config.h"
-#include "servocal/core/error.h"
 #include "servocal/procedure/check.h"
 #include "servocal/procedure/summary.h"
 #include "servocal/robot/guard.h"
 #include "servocal/session/session.h"
-#include "servocal/sim/cell.h"
 
 namespace {
 
@@ -54,37 +55,43 @@ void print(const procedure::CheckVerdict& verdict) {
 int main(int argc, char** argv) {
   CLI::App cli(
       "Asks whether a calibration still holds: the arm carries the board to a few views, in less than a\n"
-      "minute. Says OK, or what moved, by how much and which way. Moves the simulated arm; real arms are\n"
-      "not supported yet.",
+      "minute. Says OK, or what moved, by how much and which way. Moves the arm: the simulated one at once,\n"
+      "a real one only with --arm and after its serial number was typed.",
       "servocal-check");
   cli.footer(kFooter);
   std::string cell_file;
   fs::path result_file, out;
   std::uint64_t seed = 1;
   bool repair = false;
+  app::ArmOptions arm_options;
+  app::CameraOptions camera_options;
   cli.add_option("CELL", cell_file, "Cell file; the built-in simulated cell if not given");
   cli.add_option("--result", result_file, "Result file of the calibration")->required();
   cli.add_option("--out", out,
                  "Folder for the views taken; check-1, check-2, ... beside the result if not given");
   cli.add_option("--seed", seed, "Seed of the simulated cell")->capture_default_str();
+  cli.add_flag("--arm", arm_options.arm,
+               "Let a real arm move; asks for its serial number at the terminal first");
+  cli.add_flag("--lock-exposure", camera_options.lock_exposure,
+               "Keep exposure and white balance as they are after 2 s");
   cli.add_flag("--repair", repair, "Put right in the result file what moved, and only that");
   return app::guardedMain(cli, argc, argv, [&] {
     const CellConfig cell = cell_file.empty() ? defaultCell() : loadCell(cell_file);
-    if (cell.arm.backend != ArmBackend::kSim) {
-      throw Error(ErrorKind::kRefusedToMove,
-                  "the cell's arm is a real one, which this program does not move yet");
-    }
+    arm_options.seed = seed;
+    app::CellArm arm(cell, arm_options);
     const CalibrationResult stored = session::loadResult(result_file);
     if (out.empty()) out = freeFolder(result_file);
-    session::Session session = session::Session::create(out, cell, seed);
-    sim::Cell simulation(cell, seed);
+    const app::Cameras cameras(cell, arm.clock(), arm.simulation(), camera_options);
+    for (const std::string& note : arm.notes()) std::cerr << "Note: " << note << '\n';
+    for (const std::string& note : cameras.notes()) std::cerr << "Note: " << note << '\n';
     const robot::Kinematics kinematics(cell.arm);
-    robot::Guard guard(simulation.arm(), kinematics, simulation.clock(), cell);
+    robot::Guard guard(arm.device(), kinematics, arm.clock(), cell);
+    arm.askConsent();
     const app::StopOnSignal stop([&] { guard.operatorStop(); });
-    procedure::Devices devices{simulation.clock(), guard, {}};
-    for (const CameraConfig& camera : cell.cameras)
-      devices.cameras.push_back(&simulation.camera(camera.name));
+    session::Session session = session::Session::create(out, cell, seed);
+    const procedure::Devices devices{arm.clock(), guard, cameras.all()};
     app::Progress progress;
+    app::goToStart(cell, guard, arm.clock());
     const procedure::CheckVerdict verdict =
         procedure::check(cell, devices, stored, session,
                          [&](const procedure::Event& event) { progress.show(procedure::line(event)); });

@@ -2,7 +2,7 @@
 find_package(PkgConfig REQUIRED)
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)
 find_package(yaml-cpp REQUIRED)
-find_package(OpenCV 4.6 REQUIRED COMPONENTS core imgproc imgcodecs calib3d aruco features2d)
+find_package(OpenCV 4.6 REQUIRED COMPONENTS core imgproc imgcodecs calib3d aruco features2d videoio)
 find_package(apriltag 3.3 REQUIRED)
 find_package(Ceres 2.1 REQUIRED)
 find_package(SQLite3 REQUIRED)

@@ -17,6 +17,7 @@ MODULES = {
     "sensor": {"core"},
     "sensor_usb": {"core"},
     "sensor_openni2": {"core", "sensor", "sensor_usb"},
+    "sensor_v4l2": {"core", "sensor"},
     "robot": {"core"},
     "robot_ur": {"core", "robot"},
     "coverage": {"core"},
@@ -27,12 +28,15 @@ MODULES = {
     "sim": {"core", "board", "robot", "sensor"},
     "sim_openni2_driver": {"core", "sensor"},  # serves any camera; knows no simulator
     "sim_ur_controller": set(),  # uses sim's own ur5.h and nothing of the driver it is there to test
+    "sim_ur_cell": {"core", "sim", "sim_ur_controller"},
     "report": {"core", "calib", "robot", "session"},
     "ros2": {"core", "sensor", "robot", "board"},
     "procedure": {"core", "board", "sensor", "robot", "coverage", "calib", "session", "servo", "plan"},
     "live": {"core", "procedure", "sensor"},
     "app": {"core"},
-    "app_cameras": {"core", "sensor", "sensor_openni2", "sim", "sim_openni2_driver"},  # every driver there is
+    "app_arm": {"core", "robot", "robot_ur", "servo", "sim", "sim_ur_cell"},
+    "app_dry_run": {"core", "coverage", "plan", "robot"},
+    "app_cameras": {"core", "sensor", "sensor_openni2", "sensor_v4l2", "sim", "sim_openni2_driver"},  # all drivers
 }
 
 # The one header of core that knows ViSP; its own target, core_visp.
@@ -70,6 +74,7 @@ IN_SOURCES = {
     "sensor": {"OpenCV"},
     "sensor_usb": {"libusb"},
     "sensor_openni2": {"OpenCV", "OpenNI2"},
+    "sensor_v4l2": {"OpenCV"},
     "robot": {"KDL", "urdfdom", "OMPL", "FCL"},
     "calib": {"OpenCV", "Ceres"},
     "session": {"OpenCV", "SQLite", "nlohmann-json", "OpenSSL"},  # OpenSSL: SHA-256

@@ -32,7 +32,7 @@ TEST(CalibrateApp, NeedsAFolderForTheSession) {
 TEST(CalibrateApp, HelpSaysWhetherItMovesARobotAndTheExitCodes) {
   const auto run = runProgram(kCalibrate + " --help");
   EXPECT_EQ(run.exit_code, 0);
-  EXPECT_NE(run.out.find("Moves the simulated arm"), std::string::npos);
+  EXPECT_NE(run.out.find("Moves the arm: the simulated one at once, a real one only with --arm"), std::string::npos);
   EXPECT_NE(run.out.find("9 refused to move"), std::string::npos);
 }
 

@@ -39,11 +39,19 @@ const SimulatedCameraConfig& counterpart(const SimulationConfig& simulation, con
 }  // namespace
 
 Cell::Impl::Impl(const CellConfig& cell_config, std::uint64_t cell_seed)
-    : config(cell_config), seed(cell_seed) {
+    : Impl(cell_config, cell_seed, nullptr, nullptr) {}
+
+Cell::Impl::Impl(const CellConfig& cell_config, std::uint64_t cell_seed, Clock& run_clock, ArmMotion& motion)
+    : Impl(cell_config, cell_seed, &run_clock, &motion) {}
+
+Cell::Impl::Impl(const CellConfig& cell_config, std::uint64_t cell_seed, Clock* run_clock, ArmMotion* motion)
+    : config(cell_config), seed(cell_seed), clock(run_clock ? *run_clock : own_clock) {
   if (!config.simulation) throw std::invalid_argument("sim::Cell: the cell has no simulation section");
   checkFaults(config);
-  arm = std::make_unique<SimulatedArm>(clock, config, seed);
-  scene = std::make_unique<Scene>(*arm, config, seed);
+  if (motion) followed = std::make_unique<FollowedArm>(*motion, config, seed);
+  else arm = std::make_unique<SimulatedArm>(own_clock, config, seed);
+  MovingArm& seen = followed ? static_cast<MovingArm&>(*followed) : *arm;
+  scene = std::make_unique<Scene>(seen, config, seed);
   for (const CameraConfig& camera : config.cameras) {
     cameras[camera.name] = std::make_unique<SimulatedCamera>(clock, *scene, camera,
                                                              counterpart(*config.simulation, camera), seed);
@@ -51,11 +59,16 @@ Cell::Impl::Impl(const CellConfig& cell_config, std::uint64_t cell_seed)
 }
 
 Cell::Cell(const CellConfig& config, std::uint64_t seed) : impl_(std::make_unique<Impl>(config, seed)) {}
+Cell::Cell(const CellConfig& config, std::uint64_t seed, Clock& clock, ArmMotion& motion)
+    : impl_(std::make_unique<Impl>(config, seed, clock, motion)) {}
 Cell::~Cell() = default;
 Cell::Cell(Cell&&) noexcept = default;
 
 Clock& Cell::clock() { return impl_->clock; }
-robot::Arm& Cell::arm() { return *impl_->arm; }
+robot::Arm& Cell::arm() {
+  if (!impl_->arm) throw std::invalid_argument("sim::Cell: this cell's arm is simulated elsewhere");
+  return *impl_->arm;
+}
 
 sensor::RgbdCamera& Cell::camera(const std::string& name) {
   const auto found = impl_->cameras.find(name);

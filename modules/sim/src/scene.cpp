@@ -49,7 +49,7 @@ Eigen::Isometry3d nominalMount(const CellConfig& config) {
 
 }  // namespace
 
-Scene::Scene(SimulatedArm& arm, const CellConfig& config, std::uint64_t seed)
+Scene::Scene(MovingArm& arm, const CellConfig& config, std::uint64_t seed)
     : config_(config), arm_(arm), board_on_flange_(decideBoardOnFlange(config)),
       mount_(drawMount(nominalMount(config), *config.simulation, seed)) {
   for (const SimulationFault& fault : faultsInOrder(simulation())) {

@@ -7,7 +7,7 @@
 
 #include "arm_silhouette.h"
 #include "servocal/core/cell_config.h"
-#include "simulated_arm.h"
+#include "moving_arm.h"
 #include "stepped_pose.h"
 
 namespace servocal::sim {
@@ -17,7 +17,7 @@ class Scene {
  public:
   /// @throws std::invalid_argument if cameras are both fixed and on the flange, or on the flange while the
   ///   simulation does not say where the board is.
-  Scene(SimulatedArm& arm, const CellConfig& config, std::uint64_t seed);
+  Scene(MovingArm& arm, const CellConfig& config, std::uint64_t seed);
 
   const CellConfig& config() const { return config_; }
   const SimulationConfig& simulation() const { return *config_.simulation; }
@@ -33,7 +33,7 @@ class Scene {
 
  private:
   CellConfig config_;
-  SimulatedArm& arm_;
+  MovingArm& arm_;
   bool board_on_flange_;
   SteppedPose mount_;
 };

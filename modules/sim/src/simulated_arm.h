@@ -8,9 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "arm_chain.h"
-#include "repeatability.h"
-#include "servocal/core/cell_config.h"
+#include "arm_errors.h"
+#include "moving_arm.h"
 #include "servocal/core/clock.h"
 #include "servocal/robot/arm.h"
 
@@ -21,7 +20,7 @@ namespace servocal::sim {
 ///
 /// What it reports is what a controller believes (encoders and nominal kinematics, at 125 Hz); where the
 /// flange really is, flangeAt() tells the simulated cameras alone.
-class SimulatedArm final : public robot::Arm {
+class SimulatedArm final : public robot::Arm, public MovingArm {
  public:
   SimulatedArm(const SimulatedClock& clock, const CellConfig& config, std::uint64_t seed);
 
@@ -32,12 +31,10 @@ class SimulatedArm final : public robot::Arm {
   void moveJoints(robot::MotionKey, const Eigen::VectorXd& speeds_radps, Duration valid_for) override;
   void stop(robot::MotionKey) override;
 
-  /// The true bMe at an instant of the last two seconds.
-  Eigen::Isometry3d flangeAt(Instant instant);
+  Eigen::Isometry3d flangeAt(Instant instant) override;
   /// Joint angles at that instant, without encoder noise.
   Joints jointsAt(Instant instant);
-  /// Base, the frame after each joint, and the flange at that instant, by nominal kinematics.
-  std::vector<Eigen::Isometry3d> nominalFrames(Instant instant);
+  std::vector<Eigen::Isometry3d> nominalFrames(Instant instant) override;
 
  private:
   struct Tick {

@@ -28,7 +28,7 @@ SimulatedCamera::Faults SimulatedCamera::faultsOf(const SimulationConfig& simula
   return faults;
 }
 
-SimulatedCamera::SimulatedCamera(SimulatedClock& clock, Scene& scene, const CameraConfig& camera,
+SimulatedCamera::SimulatedCamera(Clock& clock, Scene& scene, const CameraConfig& camera,
                                  const SimulatedCameraConfig& simulated, std::uint64_t seed)
     : clock_(clock), scene_(scene), camera_(camera), config_(simulated), seed_(seed),
       truth_(drawCamera(camera, simulated, scene.simulation(), seed)),

@@ -22,7 +22,7 @@ namespace servocal::sim {
 /// begin `switch_s` after somebody asks for them.
 class SimulatedCamera final : public sensor::RgbdCamera {
  public:
-  SimulatedCamera(SimulatedClock& clock, Scene& scene, const CameraConfig& camera,
+  SimulatedCamera(Clock& clock, Scene& scene, const CameraConfig& camera,
                   const SimulatedCameraConfig& simulated, std::uint64_t seed);
 
   const sensor::CameraInfo& info() const override { return info_; }
@@ -49,7 +49,7 @@ class SimulatedCamera final : public sensor::RgbdCamera {
   cv::Mat infraredImage(std::int64_t index);
   cv::Mat depthImage(std::int64_t index);
 
-  SimulatedClock& clock_;
+  Clock& clock_;
   Scene& scene_;
   CameraConfig camera_;
   SimulatedCameraConfig config_;

@@ -5,6 +5,7 @@
 
 #include "servocal/core/error.h"
 #include "servocal/sensor_openni2/camera.h"
+#include "servocal/sensor_v4l2/camera.h"
 #include "servocal/sim_openni2_driver/served_cameras.h"
 
 namespace servocal::app {
@@ -39,6 +40,17 @@ struct Cameras::Impl {
     keep(std::move(opened.camera));
   }
 
+  void openV4l2(const CameraConfig& camera, Clock& clock, bool simulated, const CameraOptions& options) {
+    if (simulated)
+      refuse(camera,
+             "the backend 'v4l2' reads real cameras only; in a simulated cell use 'sim' or 'openni2'.");
+    v4l2::OpenOptions how;
+    how.lock_exposure = options.lock_exposure;
+    v4l2::OpenedCamera opened = v4l2::openCamera(camera, clock, how);
+    for (const std::string& note : opened.notes) notes.push_back("camera '" + camera.name + "': " + note);
+    keep(std::move(opened.camera));
+  }
+
   void keep(std::unique_ptr<sensor::RgbdCamera> camera) {
     all.push_back(camera.get());
     own.push_back(std::move(camera));
@@ -55,8 +67,8 @@ Cameras::Cameras(const CellConfig& cell, Clock& clock, sim::Cell* simulation, co
         impl_->all.push_back(&simulation->camera(camera.name));
         break;
       case CameraBackend::kOpenNi2: impl_->openOpenNi2(camera, clock, simulation != nullptr, options); break;
-      case CameraBackend::kFreenect:
-      case CameraBackend::kV4l2: refuse(camera, "this driver is not there yet.");
+      case CameraBackend::kV4l2: impl_->openV4l2(camera, clock, simulation != nullptr, options); break;
+      case CameraBackend::kFreenect: refuse(camera, "this driver is not there yet.");
     }
   }
 }

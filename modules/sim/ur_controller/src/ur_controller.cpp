@@ -90,6 +90,7 @@ struct UrController::Impl {
       for (int steps = 0; SteadyClock::now() >= due && steps < kMostStepsAtOnce; ++steps) {
         if (steps > 0) rtde.serve();
         step();
+        if (state.options.on_step) state.options.on_step({due, state.arm.q(), state.arm.flange()});
         due += period;
       }
       while (SteadyClock::now() >= due + period) {

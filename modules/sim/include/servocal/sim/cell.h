@@ -9,6 +9,7 @@
 #include "servocal/core/clock.h"
 #include "servocal/robot/arm.h"
 #include "servocal/sensor/rgbd_camera.h"
+#include "servocal/sim/arm_motion.h"
 
 namespace servocal::sim {
 
@@ -32,10 +33,15 @@ class Cell {
   ///   are both fixed and on the flange, a fault names a camera that is not there, or arm.start_q is not one angle
   ///   per joint within the limits; Error (kInvalidConfig) if the arm's URDF file is no such chain.
   Cell(const CellConfig& config, std::uint64_t seed);
+  /// The cameras of a cell whose arm is simulated elsewhere and moves by `clock`, e.g. at the pace of the wall
+  /// clock. Its flange is off what its controller believes as it would be here. Both must outlive the cell.
+  /// @throws as above.
+  Cell(const CellConfig& config, std::uint64_t seed, Clock& clock, ArmMotion& motion);
   ~Cell();
   Cell(Cell&&) noexcept;
 
   Clock& clock();
+  /// @throws std::invalid_argument if the arm is simulated elsewhere.
   robot::Arm& arm();
   /// @throws std::invalid_argument if there is no such camera.
   sensor::RgbdCamera& camera(const std::string& name);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -57,6 +58,13 @@ enum class UrFault {
   kOtherProgram,    ///< Somebody else starts a program.
 };
 
+/// The arm after one step of the controller.
+struct UrStep {
+  std::chrono::steady_clock::time_point due;  ///< When it was due; it may have been worked out a little later.
+  Eigen::Matrix<double, 6, 1> q;
+  Eigen::Isometry3d flange;  ///< As the controller knows it.
+};
+
 struct UrControllerOptions {
   unsigned major = 3, minor = 15, bugfix = 8;  ///< PolyScope; from 5 on an e-Series at 500 Hz.
   std::string model = "UR5";
@@ -71,6 +79,8 @@ struct UrControllerOptions {
       0.002;  ///< How far this arm is from the nominal one, which only its controller knows.
   /// Applied to every uploaded program; for tests that take a line out.
   std::function<std::string(std::string)> edit_program;
+  /// Called after every step, in the controller's thread; must be quick.
+  std::function<void(const UrStep&)> on_step;
 };
 
 /// What really happens, for tests.

@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The programs with a Universal Robots arm: consent, and a whole calibration through the real libOpenNI2 and
+// RTDE against the simulated controller.
+#include <gtest/gtest.h>
+
+#include <iostream>
+#include <regex>
+#include <thread>
+
+#include "cells.h"
+#include "errors.h"
+#include "run_program.h"
+#include "servocal/session/session.h"
+#include "sim_truth.h"
+#include "terminal_program.h"
+
+namespace servocal {
+namespace {
+
+using test::shellWord;
+using test::TerminalProgram;
+
+constexpr std::uint64_t kSeed = 1;
+constexpr char kPrompt[] = "let it move: ";
+constexpr char kSerial[] = "2014350123\n";
+
+CellConfig urCell() { return loadCell(SERVOCAL_CELLS "/ur_one_camera.yaml"); }
+
+std::string calibrate(const std::filesystem::path& cell, const test::TemporaryFolder& folder,
+                      const std::string& more = " --arm") {
+  return "env LD_LIBRARY_PATH=" SERVOCAL_OPENNI2_ROOT " TERM=xterm NO_COLOR=1 " SERVOCAL_CALIBRATE " " +
+         shellWord(cell.string()) + " --seed " + std::to_string(kSeed) + " --out " +
+         shellWord((folder / "session").string()) + more;
+}
+const std::filesystem::path kCell = SERVOCAL_CELLS "/ur_one_camera.yaml";
+
+TEST(UrConsent, WithoutTheFlagNothingIsConnectedTo) {
+  const test::TemporaryFolder folder;
+  const auto run = test::runProgram(calibrate(kCell, folder, ""));
+  EXPECT_EQ(run.exit_code, 9) << run.err;
+  test::expectPart(run.err, "--arm");
+  EXPECT_FALSE(std::filesystem::exists(folder / "session"));
+}
+
+TEST(UrConsent, WithoutATerminalNobodyCanConsent) {
+  const test::TemporaryFolder folder;
+  for (const std::string program : {SERVOCAL_CALIBRATE, SERVOCAL_CHECK " --result nothing.yaml"}) {
+    const auto run = test::runProgram("echo 2014350123 | " + program + " " + shellWord(kCell.string()) +
+                                      " --arm --out " + shellWord((folder / "session").string()));
+    EXPECT_EQ(run.exit_code, 9) << run.err;
+    test::expectPart(run.err, "terminal");
+    EXPECT_FALSE(std::filesystem::exists(folder / "session"));
+  }
+}
+
+TEST(UrConsent, TheOperatorReadsWhatIsGoingToMoveAndAnotherAnswerIsRefused) {
+  const test::TemporaryFolder folder;
+  TerminalProgram program(calibrate(kCell, folder));
+  ASSERT_TRUE(program.waitFor(kPrompt, 60.0)) << program.screen();
+  for (const char* part :
+       {"127.0.0.1:", "UR5", "2014350123", "250 mm/s", "\"arm base\"", "\"camera\"",
+        "Not run on a real Universal Robots arm", "Simulated controller: nothing real moves"}) {
+    test::expectPart(program.screen(), part);
+  }
+  program.type("yes\n");
+  EXPECT_EQ(program.end(60.0), 9) << program.screen();
+  EXPECT_FALSE(std::filesystem::exists(folder / "session"));
+}
+
+TEST(UrConsent, WhatWasTypedBeforeTheQuestionIsNoAnswer) {
+  const test::TemporaryFolder folder;
+  TerminalProgram program(calibrate(kCell, folder), kSerial);
+  ASSERT_TRUE(program.waitFor(kPrompt, 60.0)) << program.screen();
+  program.type("no\n");
+  EXPECT_EQ(program.end(60.0), 9) << program.screen();
+}
+
+TEST(UrConsent, TheFlagIsRefusedForASimulatedArm) {
+  const auto run = test::runProgram(SERVOCAL_CALIBRATE " --arm --out nowhere");
+  EXPECT_EQ(run.exit_code, 2) << run.err;
+}
+
+TEST(UrCell, IsCalibratedThroughOpenNi2AndRtdeLikeTheSimulatedOne) {
+  const test::TemporaryFolder folder;
+  TerminalProgram program(calibrate(kCell, folder));
+  ASSERT_TRUE(program.waitFor(kPrompt, 60.0)) << program.screen();
+  program.type(kSerial);
+  EXPECT_EQ(program.end(400.0), 0) << program.screen();
+  const CalibrationResult result = session::loadResult(folder / "session" / "result.yaml");
+  test::expectPart(result.provenance, "simulated UR5 2014350123");
+  ASSERT_EQ(result.cameras.size(), 1u);
+  ASSERT_TRUE(result.cameras[0].hand_eye);
+  CellConfig same = urCell();
+  same.arm.backend = ArmBackend::kSim;
+  sim::Cell cell(same, kSeed);
+  const sim::Truth truth(cell);
+  const Pose<Base, Color> found(result.cameras[0].hand_eye->camera_pose);
+  const double error_m = distanceM(found, truth.bMc("cam1"));
+  std::cout << "camera off by " << 1e3 * error_m << " mm\n";
+  EXPECT_LT(error_m, 0.003);
+  EXPECT_GT(error_m, 0.0);
+  const auto session = session::Session::open(folder / "session");
+  bool recorded = false;
+  for (const session::SessionEvent& event : session.events())
+    recorded |= event.message.find("packages") != std::string::npos;
+  EXPECT_TRUE(recorded);
+}
+
+TEST(UrCell, ADryRunOpensNothingAndNeedsNeitherFlagNorTerminal) {
+  const test::TemporaryFolder folder;
+  std::string text = urCell().text;
+  text.replace(text.find("127.0.0.1"), 9, "192.0.2.1");  // Nobody is there (RFC 5737).
+  const auto cell = folder.write("cell.yaml", text);
+  const auto run =
+      test::runProgram(SERVOCAL_CALIBRATE " --dry-run " + shellWord(cell.string()) + " < /dev/null");
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  test::expectPart(run.out, "start pose");
+  test::expectPart(run.out, "Stays out of 'arm base'");
+  test::expectPart(run.out, "not known before a run");
+  EXPECT_EQ(test::runProgram(SERVOCAL_CALIBRATE " --dry-run --out x").exit_code, 2);
+}
+
+// The camera looks away, so the arm turns round for half a minute looking for it; then kill -9.
+TEST(UrCell, WhenTheProgramIsKilledInMotionTheControllerStopsTheArm) {
+  const test::TemporaryFolder folder;
+  std::string text = urCell().text;
+  const auto insert = [&](const std::string& before, const std::string& what) {
+    text.insert(text.find(before), what);
+  };
+  insert("\nlimits:",
+         "  search:\n    posture_deg: [-82.1, 113.6, 148.5, -74.5, 0]\n    first_joint_deg: [164.5, 130]\n");
+  text += "  faults:\n    - kind: camera_turned_away\n      camera: cam1\n";
+  TerminalProgram program(calibrate(folder.write("cell.yaml", text), folder));
+  ASSERT_TRUE(program.waitFor(kPrompt, 60.0)) << program.screen();
+  program.type(kSerial);
+  ASSERT_TRUE(program.waitFor("the arm looks round", 60.0)) << program.screen();
+  std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+  program.send(SIGKILL);
+  EXPECT_EQ(program.end(30.0), -1);
+  std::smatch stood;
+  ASSERT_TRUE(std::regex_search(program.screen(), stood,
+                                std::regex("stood still ([0-9]+) ms after its last command")))
+      << program.screen();
+  const int moved_ms = std::stoi(stood[1]);
+  EXPECT_GT(moved_ms, 150) << "the arm did not move when the program was killed";
+  EXPECT_LT(moved_ms, 300 + 150) << "watchdog and braking";
+}
+
+}  // namespace
+}  // namespace servocal
