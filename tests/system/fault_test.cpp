@@ -3,8 +3,14 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
+#include <opencv2/imgproc.hpp>
 
 #include "default_sim.h"
+#include "errors.h"
+#include "servocal/procedure/calibrate.h"
+#include "servocal/sim/cell.h"
+#include "spoiled_camera.h"
 #include "temporary_folder.h"
 #include "trial.h"
 
@@ -99,6 +105,72 @@ TEST(Faults, ACameraThatNeverSeesTheBoard) {
   EXPECT_EQ(result.cameras[0].camera, cell.cameras[0].name);
   EXPECT_TRUE(result.cameras[0].hand_eye);
   EXPECT_TRUE(names(result, "lost: it never saw the board"));
+}
+
+/// A run whose cameras somebody stands before.
+struct SpoiledRun {
+  explicit SpoiledRun(const CellConfig& its_cell) : cell(its_cell) {}
+
+  CalibrationResult run(const std::vector<sensor::RgbdCamera*>& cameras) {
+    session::Session session = session::Session::create(folder.path() / "session", cell.text, cell.board, 3);
+    return procedure::calibrate(cell, {simulation.clock(), guard, cameras}, session, {});
+  }
+
+  CellConfig cell;
+  sim::Cell simulation{cell, 3};
+  robot::Kinematics kinematics{cell.arm};
+  robot::Guard guard{simulation.arm(), kinematics, simulation.clock(), cell};
+  test::TemporaryFolder folder;
+};
+
+TEST(Faults, AResolutionThatChangesEndsTheRunAndKeepsWhatWasSeen) {
+  SpoiledRun run(shortRun());
+  test::SpoiledCamera camera(run.simulation.camera("front"), [&](sensor::Frame& frame) {
+    if (frame.stream == Stream::kColor && run.simulation.clock().now() > Instant(std::chrono::seconds(25))) {
+      cv::resize(frame.image, frame.image, {}, 0.5, 0.5);
+    }
+  });
+  const std::string message = test::messageOf(ErrorKind::kHardwareAbsent, [&] { (void)run.run({&camera}); });
+  test::expectPart(message, "960 x 540 px in place of 1920 x 1080");
+  test::expectPart(message, "'front'");
+  run.simulation.clock().sleepFor(std::chrono::milliseconds(300));
+  const Twist<Base> twist = run.guard.state().twist;
+  EXPECT_TRUE(twist.isZero()) << twist.linear_mps.norm() << " m/s, " << twist.angular_radps.norm() << " rad/s";
+  const auto session = session::Session::open(run.folder.path() / "session");
+  EXPECT_GE(session.observations().size(), 5u);
+}
+
+// One camera delivers four images per second and another stares into the dark: the third is served as ever,
+// and both are named.
+TEST(Faults, SlowAndDarkCamerasAreNamedAndDoNotHoldUpTheOthers) {
+  CellConfig cell = twoCameras("slow", {0.0, 0.12, 0.05});
+  cell.cameras.push_back(cell.cameras[0]);
+  cell.cameras.back().name = "dark";
+  cell.simulation->cameras.push_back(cell.simulation->cameras[0]);
+  cell.simulation->cameras.back().name = "dark";
+  cell.simulation->cameras[1].rate_hz = 4.0;
+  for (CameraConfig& camera : cell.cameras) camera.infrared.reset();
+  SpoiledRun run(cell);
+  sensor::CameraInfo promised = run.simulation.camera("slow").info();
+  promised.streams[0].rate_hz = 30.0;
+  test::SpoiledCamera slow(
+      run.simulation.camera("slow"), [](sensor::Frame&) {}, promised);
+  test::SpoiledCamera dark(run.simulation.camera("dark"),
+                           [](sensor::Frame& frame) { test::expose(frame, 0.04); });
+  const CalibrationResult result = run.run({&run.simulation.camera("front"), &slow, &dark});
+  ASSERT_GE(result.cameras.size(), 1u);
+  EXPECT_EQ(result.cameras[0].camera, "front");
+  EXPECT_TRUE(result.cameras[0].hand_eye);
+  EXPECT_TRUE(names(result, "dark: it never saw the board (its image is almost black"));
+  bool slow_is_named = names(result, "images per second came in place of 30");
+  for (const CameraResult& camera : result.cameras) {
+    for (const std::string& note : camera.notes) {
+      slow_is_named =
+          slow_is_named || (camera.camera == "slow" &&
+                            note.find("images per second came in place of 30") != std::string::npos);
+    }
+  }
+  EXPECT_TRUE(slow_is_named);
 }
 
 }  // namespace
