@@ -4,6 +4,12 @@
 #include <utility>
 
 namespace servocal::v4l2 {
+namespace {
+
+// Who asks in a loop asks oftener than that.
+constexpr Duration kAskHolds = std::chrono::milliseconds(100);
+
+}  // namespace
 
 Reader::Reader(std::unique_ptr<cv::VideoCapture> capture, const Clock& clock)
     : capture_(std::move(capture)), clock_(clock), thread_([this] { run(); }) {}
@@ -15,8 +21,10 @@ Reader::~Reader() {
 
 std::optional<RawFrame> Reader::take() {
   const std::lock_guard<std::mutex> lock(mutex_);
-  wanted_ = true;
-  return std::exchange(newest_, std::nullopt);
+  asked_ = clock_.now();
+  std::optional<RawFrame> frame = std::exchange(newest_, std::nullopt);
+  if (frame && frame->number != latest_) frame.reset();  // A newer one has come meanwhile.
+  return frame;
 }
 
 void Reader::between(const std::function<void(cv::VideoCapture&)>& action) {
@@ -37,7 +45,8 @@ bool Reader::takeOne(std::uint64_t number) {
   frame.driver_stamp_s = 1e-3 * capture_->get(cv::CAP_PROP_POS_MSEC);
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    if (!wanted_) return true;
+    latest_ = number;
+    if (!asked_ || frame.received - *asked_ > kAskHolds) return true;
   }
   if (!capture_->retrieve(frame.image) || frame.image.empty()) return true;  // A torn frame; the next may do.
   frame.image = frame.image.clone();  // It may lie in the capture's own buffer.

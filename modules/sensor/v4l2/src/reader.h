@@ -23,7 +23,8 @@ struct RawFrame {
   std::uint64_t number = 0;     ///< Of the frames read so far, decoded or not.
 };
 
-/// Takes every frame off a capture's queue, in a thread of its own, and decodes those that are wanted.
+/// Takes every frame off a capture's queue, in a thread of its own, and decodes those that
+/// somebody may want.
 class Reader {
  public:
   Reader(std::unique_ptr<cv::VideoCapture> capture, const Clock& clock);
@@ -31,8 +32,8 @@ class Reader {
   Reader(const Reader&) = delete;
   Reader& operator=(const Reader&) = delete;
 
-  /// A frame that came after somebody asked for one first; each is handed out once. Nothing if there is none
-  /// yet.
+  /// The newest frame that was not handed out before; nothing if it is not there yet, or not decoded because
+  /// nobody had asked for a while.
   std::optional<RawFrame> take();
   /// False once the device stopped delivering.
   bool alive() const { return alive_; }
@@ -46,9 +47,10 @@ class Reader {
 
   std::unique_ptr<cv::VideoCapture> capture_;  ///< The thread's own.
   const Clock& clock_;
-  std::mutex mutex_;  ///< Guards the three below.
-  bool wanted_ = false;
+  std::mutex mutex_;              ///< Guards the four below.
+  std::optional<Instant> asked_;  ///< When take() was called last.
   std::optional<RawFrame> newest_;
+  std::uint64_t latest_ = 0;  ///< Number of the frame that came last, decoded or not.
   std::optional<std::packaged_task<void(cv::VideoCapture&)>> action_;
   std::atomic<bool> alive_{true};
   std::atomic<bool> quit_{false};

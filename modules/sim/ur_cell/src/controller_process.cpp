@@ -76,6 +76,11 @@ void outlive(const UrController& controller) {
   const int nowhere = ::open("/dev/null", O_RDWR);
   ::dup2(nowhere, STDIN_FILENO);
   ::dup2(nowhere, STDOUT_FILENO);
+  // Nothing of the program's stays open here: neither its files nor the locks on them.
+  constexpr int kLifeline = STDERR_FILENO + 1;
+  ::dup2(lifeline, kLifeline);
+  ::close_range(kLifeline + 1, ~0U, 0);
+  lifeline = kLifeline;
   try {
     const UrController controller(optionsFor(arm, seed, record));
     while (record.size() == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
