@@ -166,15 +166,53 @@ std::string sentenceOf(const calib::JointOutcome& outcome) {
   return text;
 }
 
+bool isUsed(const calib::JointSolution& solution, std::int64_t observation_id, const StreamObservation& view) {
+  for (const calib::JointCamera& camera : solution.cameras) {
+    if (camera.camera != view.camera || camera.stream != view.stream) continue;
+    return std::any_of(camera.views.begin(), camera.views.end(), [&](const ViewResidual& residual) {
+      return residual.used && residual.observation_id == observation_id;
+    });
+  }
+  return false;
+}
+
+/// What views do not support is not corrected, but an arm has its declared accuracy all the same: smooth errors, which
+/// more stops do not average out. They go into the covariance as parameters that are known to be zero only as well as
+/// that ("consider" parameters; Tapley, Schutz, Born, "Statistical Orbit Determination", 2004).
+calib::JointSolution withGeometryInDoubt(const BoardSpec& board, const std::vector<Observation>& observations,
+                                         const SolveOptions& options, calib::JointSolution solution,
+                                         std::vector<std::string>& notes) {
+  if (solution.robot_terms.size() > 0 || !solution.covariance.allFinite()) return solution;
+  calib::JointSolution doubted = solution;
+  doubted.robot_model = geometryTerms(observations, options, notes);
+  if (!doubted.robot_model) return solution;
+  doubted.robot_terms = Eigen::VectorXd::Zero(doubted.robot_model->prior_sigma.size());
+  const Eigen::Index shared = solution.covariance.rows();
+  std::vector<Observation> used;  // Views that were left out tell nothing.
+  for (const Observation& observation : observations) {
+    Observation kept = observation;
+    kept.views.erase(std::remove_if(kept.views.begin(), kept.views.end(), [&](const StreamObservation& view) {
+      return !isUsed(solution, observation.id, view);
+    }), kept.views.end());
+    if (!kept.views.empty()) used.push_back(std::move(kept));
+  }
+  solution.covariance = calib::jointCovarianceAt(board, used, doubted).topLeftCorner(shared, shared);
+  for (Eigen::Index i = 0; i < shared; ++i) {
+    if (std::isfinite(solution.sigma[i])) solution.sigma[i] = std::sqrt(solution.covariance(i, i));
+  }
+  return solution;
+}
+
 JointAnswer tryJointly(const BoardSpec& board, const std::vector<Observation>& observations,
                        const std::vector<Observation>& kept, const SolveOptions& options) {
   JointResult out;
   const Chosen chosen = choose(board, observations, options, out.notes);
   if (chosen.options.streams.empty())
     return {std::nullopt, calib::toString(calib::JointStatus::kTooFewViews)};
-  const calib::JointOutcome outcome = calib::solveJoint(board, observations, chosen.options);
+  calib::JointOutcome outcome = calib::solveJoint(board, observations, chosen.options);
   if (!outcome.solution) return {std::nullopt, sentenceOf(outcome)};
-  const calib::JointSolution& solution = *outcome.solution;
+  const calib::JointSolution solution =
+      withGeometryInDoubt(board, observations, options, *std::move(outcome.solution), out.notes);
   out.model = chosen.sentence;
   for (const calib::JointCamera& camera : solution.cameras) {
     out.cameras.push_back(reportOf(observations, solution, camera, options));
