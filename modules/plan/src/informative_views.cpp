@@ -211,6 +211,7 @@ std::vector<InformativeView> informativeViews(const calib::Forecast& forecast, c
     if (!best) break;
     ahead.add(best->view.stop);
     from_q = guard.kinematics().inverse(best->view.bMe, from_q, guard.limits().joint_margin_rad).value_or(from_q);
+    best->view.gain = best->gain;
     views.push_back(std::move(best->view));
     // What was worth little before is worth little now.
     const std::size_t kept = std::min(kShortlist, candidates.size());

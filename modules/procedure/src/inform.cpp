@@ -15,7 +15,7 @@ namespace servocal::procedure {
 namespace {
 
 constexpr const char* kStage = "inform";
-constexpr double kLeastStep = 0.02;  // A stop that makes no goal nearer by more is not worth the drive.
+constexpr double kLeastGain = 0.02;  // of a stop: one percent of one standard deviation
 constexpr double kFarRatio = 1.5;    // far limit of the distances over the far views' least one
 constexpr double kPlanMarginOfHeight = 0.012;  // A little more than the drive keeps.
 
@@ -86,19 +86,6 @@ double seemingShare(const std::vector<Known>& seeming, const std::vector<Known>&
     share = std::min({share, seeming[i].projection_px / judged[i].projection_px, seeming[i].point_m / judged[i].point_m});
   }
   return share;
-}
-
-/// By how much, of what it is now, the uncertainty that falls most of those that are still too large falls.
-double largestStep(const std::vector<Known>& now, const std::vector<Known>& then, const PlannerConfig& goals) {
-  double largest = 0.0;
-  for (std::size_t i = 0; i < now.size(); ++i) {
-    const auto look = [&](double before, double after, double goal) {
-      if (before > goal) largest = std::max(largest, 1.0 - after / before);
-    };
-    look(now[i].projection_px, then[i].projection_px, goals.projection_goal_px);
-    look(now[i].point_m, then[i].point_m, goals.point_goal_m);
-  }
-  return largest;
 }
 
 bool isMet(const Known& stream, const PlannerConfig& goals) {
@@ -173,10 +160,9 @@ std::vector<plan::InformativeView> nextViews(Run& run, const Estimate& estimated
   options.far_m = kFarRatio * workingRangeM(cell);
   options.draw = draw;
   auto views = plan::informativeViews(forecast, looking, cell.board, run.guard(), run.guard().state().q, options);
-  calib::Forecast after = forecast;
-  for (const plan::InformativeView& view : views) after.add(view.stop);
-  const double step = largestStep(seeming, known(after.solution(), cell), goals);
-  if (step < kLeastStep * static_cast<double>(views.size())) views.clear();
+  double gain = 0.0;
+  for (const plan::InformativeView& view : views) gain += view.gain;
+  if (gain < kLeastGain * static_cast<double>(views.size())) views.clear();
   return views;
 }
 

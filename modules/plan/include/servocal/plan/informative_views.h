@@ -51,7 +51,8 @@ struct InformativeView {
   Pose<Color, Board> cdMo;      ///< In that one's camera frame.
   Pose<Base, EndEffector> bMe;  ///< Where the flange will be, as far as the belief is right.
   bool straight = true;         ///< From where the arm stands before it. False: only on a way round what is there.
-  calib::PlannedStop stop;      ///< What the forecast took it for.
+  calib::PlannedStop stop;      ///< What the forecast took it for,
+  double gain = 0.0;            ///< and what it is worth once those chosen before it have been made; see calib::Forecast.
 };
 
 /// The views that take away most uncertainty of all streams together per second of robot time, the probability of
