@@ -15,7 +15,7 @@ namespace servocal::procedure {
 namespace {
 
 constexpr const char* kStage = "inform";
-constexpr double kLeastGain = 0.02;  // of a stop: one percent of one standard deviation
+constexpr double kLeastGain = 0.1;  // of a stop: a twentieth off one standard deviation that is still too large
 constexpr double kFarRatio = 1.5;    // far limit of the distances over the far views' least one
 constexpr double kPlanMarginOfHeight = 0.012;  // A little more than the drive keeps.
 
