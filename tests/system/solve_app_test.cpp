@@ -15,6 +15,7 @@
 #include <sstream>
 
 #include "cells.h"
+#include "depth_scene.h"
 #include "errors.h"
 #include "run_program.h"
 #include "tag_pictures.h"
@@ -456,6 +457,58 @@ TEST(SolveApp, SolvesARecordedSession) {
     EXPECT_NEAR(result["cameras"][0]["hand_eye"]["camera_pose"]["translation_m"][i].get<double>(),
                 bMc.translation()[i], 0.003);
   }
+}
+
+// A session without robot poses of a camera whose depth is right: squares of 30 mm, described as `stated_m`.
+test::ProgramRun solveDepthSession(double stated_m) {
+  const test::TemporaryFolder folder;
+  DepthModel ideal = test::timeOfFlight();
+  ideal.offset = 0.0;
+  ideal.slope = 1.0;
+  ideal.nodes.setZero();
+  test::SceneOptions options;
+  options.views = 20;
+  const test::DepthScene scene = test::makeDepthScene(3, ideal, options, {0.1, 0.001, 0.002});
+  const CameraModel color = CameraModel::fromFieldOfView(1920, 1080, 1.9);
+  const CellConfig cell = defaultCell();
+  std::mt19937_64 random(5);
+  BoardSpec stated = scene.board;
+  std::get<Checkerboard>(stated.pattern).square_size_m = stated_m;
+  {
+    session::Session session = session::Session::create(folder / "run", cell.text, stated, 1);
+    for (std::size_t i = 0; i < scene.observations.size(); ++i) {
+      Observation observation = scene.observations[i];
+      observation.robot.reset();
+      StreamObservation& infrared = observation.views.front();
+      infrared.camera = cell.cameras.front().name;
+      StreamObservation seen = infrared;
+      seen.stream = Stream::kColor;
+      seen.depth.reset();
+      seen.width_px = color.width_px;
+      seen.height_px = color.height_px;
+      std::normal_distribution<double> noise(0.0, 0.1);
+      for (Corner& corner : seen.detection.corners) {
+        corner.pixel = *color.project(scene.cell.cMo[i] * scene.board.corner(corner.id)) +
+                       Eigen::Vector2d(noise(random), noise(random));
+      }
+      observation.views.push_back(seen);
+      session.add(observation, {});
+    }
+  }
+  return test::runProgram(std::string(SERVOCAL_SOLVE) + " " + test::shellWord((folder / "run").string()));
+}
+
+TEST(SolveApp, WrongSquareSizeAgainstDepth) {
+  const test::ProgramRun run = solveDepthSession(0.025);
+  EXPECT_EQ(run.exit_code, 8) << run.out << run.err;
+  const std::string words = "they agree if the squares measure ";
+  expectPart(run.err, "depth of ");
+  expectPart(run.err, words);
+  expectPart(run.err, "mm by the depth, not 25 mm");
+  EXPECT_NEAR(std::stod(run.err.substr(run.err.find(words) + words.size())), 30.0, 0.3) << run.err;
+  // The true size is no news.
+  const test::ProgramRun right = solveDepthSession(0.03);
+  EXPECT_EQ(right.exit_code, 0) << right.out << right.err;
 }
 
 }  // namespace

@@ -7,7 +7,9 @@
 #include <cstdio>
 #include <stdexcept>
 
+#include "depth_views.h"
 #include "hand_eye_start.h"
+#include "median.h"
 #include "servocal/core/mount.h"
 
 namespace servocal::calib {
@@ -92,7 +94,7 @@ std::string scaleClause(const BoardSpec& board, double scale) {
 
 }  // namespace
 
-std::string sizeText(const BoardSpec& board, double scale) {
+std::string sizeText(const BoardSpec& board, double scale, const std::string& by) {
   std::string what = "squares measure";
   double stated_m = 0;
   if (const auto* checkerboard = board.as<Checkerboard>()) stated_m = checkerboard->square_size_m;
@@ -105,8 +107,28 @@ std::string sizeText(const BoardSpec& board, double scale) {
     what = "circles are spaced";
     stated_m = circles->spacing_m;
   }
-  return "the " + what + " " + number("%.2f", 1e3 * stated_m * scale) + " mm by the robot's motion, not " +
+  return "the " + what + " " + number("%.2f", 1e3 * stated_m * scale) + " mm by " + by + ", not " +
          number("%g", 1e3 * stated_m) + " mm";
+}
+
+std::optional<BoardScale> boardScaleByDepth(const BoardSpec& board, const CameraModel& infrared,
+                                            const std::vector<Observation>& observations,
+                                            const std::string& camera_name) {
+  constexpr std::size_t kLeastViews = 3;
+  std::vector<double> ratios;
+  for (const Observation& observation : observations) {
+    for (const StreamObservation& seen : observation.views) {
+      if (seen.camera != camera_name || seen.stream != Stream::kInfrared || !seen.depth) continue;
+      const auto view = depthView(board, infrared, observation, seen, {});
+      if (view) ratios.push_back(view->raw_m.cwiseQuotient(view->plane_m).mean());
+    }
+  }
+  if (ratios.size() < kLeastViews) return std::nullopt;
+  const double scale = median(ratios);
+  std::vector<double> off;
+  for (const double ratio : ratios) off.push_back(std::abs(ratio - scale));
+  // Of normal errors, the median's standard deviation is 1.25 times the mean's.
+  return BoardScale{scale, 1.25 * 1.4826 * median(off) / std::sqrt(static_cast<double>(ratios.size()))};
 }
 
 std::optional<BoardScale> boardScale(const BoardSpec& board, const CameraModel& camera,

@@ -11,7 +11,9 @@
 #include "servocal/calib/board_pose.h"
 #include "servocal/calib/camera_pair.h"
 #include "servocal/calib/depth_distortion.h"
+#include "servocal/calib/diagnose.h"
 #include "servocal/calib/eye_to_hand.h"
+#include "servocal/core/error.h"
 #include "servocal/core/mount.h"
 #include "stream_solver.h"
 
@@ -67,10 +69,39 @@ std::map<std::int64_t, Pose<Infrared, Board>> boardPosesByRobot(const std::vecto
   return poses;
 }
 
+/// A sentence if depth and images cannot both be right about the size of the board, and the robot's motion does not say
+/// which is: the depth correction would take a wrong size for an error of the sensor.
+std::optional<std::string> findWrongSize(const BoardSpec& board, const std::vector<Observation>& observations,
+                                         CameraResult& result) {
+  constexpr double kMostSensorError = 0.08;  // Uncorrected depth of both kinds of sensor stays below 0.06.
+  constexpr double kSigmas = 5.0;
+  auto scale = calib::boardScaleByDepth(board, result.infrared->camera, observations, result.camera);
+  if (!scale) return std::nullopt;
+  if (result.infrared->sigma.size() > 0) {
+    scale->sigma = std::hypot(scale->sigma, result.infrared->sigma[0] / result.infrared->camera.fx());
+  }
+  const double off = std::abs(scale->scale - 1.0);
+  if (off < std::max(kMostSensorError, kSigmas * scale->sigma)) return std::nullopt;
+  const std::string sizes = calib::sizeText(board, scale->scale, "the depth");
+  if (result.board_scale && std::abs(result.board_scale->scale - 1.0) < 0.5 * off) {
+    result.notes.push_back(sizes + ", but the robot's motion agrees with the latter: the depth is off in that ratio; "
+                                   "check its unit");
+    return std::nullopt;
+  }
+  return "depth and infrared images contradict each other; they agree if " + sizes +
+         " (or if the depth is off in that ratio)";
+}
+
 void solveDepth(const BoardSpec& board, const std::vector<Observation>& observations, const SolveOptions& options,
                 CameraResult& result, std::vector<std::string>& missing) {
   const auto sensor = options.depth_sensors.find(result.camera);
   if (sensor == options.depth_sensors.end() || !result.infrared) return;
+  if (const auto contradiction = findWrongSize(board, observations, result)) {
+    const std::string sentence = "depth of " + result.camera + ": " + *contradiction;
+    if (options.refuse_contradictions) throw Error(ErrorKind::kBadData, sentence);
+    missing.push_back(sentence);
+    return;
+  }
   calib::DepthOptions depth_options;
   depth_options.board_poses = boardPosesByRobot(observations, result.infrared_hand_eye);
   depth_options.board_pose_sigma_m = options.robot_sigma_m;

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "calib_scene.h"
+#include "depth_scene.h"
 
 namespace servocal::calib {
 namespace {
@@ -143,6 +143,58 @@ TEST(BoardScaleByMotion, IsNothingWhereTheRobotDoesNotSay) {
   test::Scene few = scene(3, Mount::kFixed, 3);
   EXPECT_FALSE(
       boardScale(few.board, few.camera, few.observations, test::kCamera, Stream::kColor, Mount::kFixed));
+}
+
+test::DepthScene depthScene(std::uint64_t seed, const DepthModel& truth, int views = 15) {
+  test::SceneOptions options;
+  options.views = views;
+  return test::makeDepthScene(seed, truth, options, {0.1, 0.001, 0.002});
+}
+
+BoardSpec resized(BoardSpec board, double ratio) {
+  std::get<Checkerboard>(board.pattern).square_size_m *= ratio;
+  return board;
+}
+
+TEST(BoardScaleByDepth, IsFoundWithinItsSigma) {
+  DepthModel ideal = test::timeOfFlight();
+  ideal.offset = 0.0;
+  ideal.slope = 1.0;
+  ideal.nodes.setZero();
+  for (const double truth : {1.0, 0.98, 1.2, 0.5}) {
+    double z_squares = 0;
+    constexpr int kSeeds = 20;
+    for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
+      const test::DepthScene scene = depthScene(seed, ideal);
+      const auto found = boardScaleByDepth(resized(scene.board, 1 / truth), scene.truth.camera, scene.observations,
+                                           test::kCamera);
+      ASSERT_TRUE(found.has_value());
+      EXPECT_LT(found->sigma, 0.01 * truth);
+      z_squares += std::pow((found->scale - truth) / found->sigma, 2);
+    }
+    EXPECT_NEAR(std::sqrt(z_squares / kSeeds), 1.0, 0.6) << truth;  // A scatter by 15 views is itself 25 % off.
+  }
+}
+
+// What is refused as a wrong size (8 %) must be more than a sensor's own error.
+TEST(BoardScaleByDepth, SensorsStayBelowWhatIsRefused) {
+  for (const DepthModel& truth : {test::timeOfFlight(), test::structuredLight()}) {
+    for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+      const test::DepthScene scene = depthScene(seed, truth);
+      const auto found = boardScaleByDepth(scene.board, truth.camera, scene.observations, test::kCamera);
+      ASSERT_TRUE(found.has_value());
+      EXPECT_NEAR(found->scale, 1.0, 0.06);
+    }
+  }
+}
+
+TEST(BoardScaleByDepth, IsNothingWithoutDepthInThreeViews) {
+  test::DepthScene scene = depthScene(1, test::timeOfFlight(), 2);
+  EXPECT_FALSE(boardScaleByDepth(scene.board, scene.truth.camera, scene.observations, test::kCamera));
+  scene = depthScene(1, test::timeOfFlight());
+  EXPECT_FALSE(boardScaleByDepth(scene.board, scene.truth.camera, scene.observations, "another"));
+  for (Observation& observation : scene.observations) observation.views[0].depth.reset();
+  EXPECT_FALSE(boardScaleByDepth(scene.board, scene.truth.camera, scene.observations, test::kCamera));
 }
 
 }  // namespace
