@@ -495,7 +495,7 @@ test::ProgramRun solveDepthSession(double stated_m) {
       session.add(observation, {});
     }
   }
-  return test::runProgram(std::string(SERVOCAL_SOLVE) + " " + test::shellWord((folder / "run").string()));
+  return test::runProgram(std::string(SERVOCAL_SOLVE) + " " + test::shellWord((folder / "run").string()) + " --json");
 }
 
 TEST(SolveApp, WrongSquareSizeAgainstDepth) {
