@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// How many views a planner needs until the joint estimate is good enough, for three planners: by information, by coverage
-// alone, at random. Geometry and covariances only: no images, every drive arrives, corners of 0.2 px, the arm as good as
-// said. What is counted is the covariance that a solve of exactly these views would claim at the truth.
+// How many views a planner needs until the joint estimate is good enough, for three planners: by information,
+// by coverage alone, at random. Geometry and covariances only: no images, every drive arrives, corners of 0.2
+// px, the arm as good as said. What is counted is the covariance that a solve of exactly these views would
+// claim at the truth.
 #include <sys/resource.h>
 
 #include <CLI/CLI.hpp>
@@ -28,7 +29,8 @@ constexpr double kGoalPx = 0.35, kGoalM = 0.0005;
 double cpuMs() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
-  return 1e3 * (usage.ru_utime.tv_sec + usage.ru_stime.tv_sec) + 1e-3 * (usage.ru_utime.tv_usec + usage.ru_stime.tv_usec);
+  return 1e3 * (usage.ru_utime.tv_sec + usage.ru_stime.tv_sec) +
+         1e-3 * (usage.ru_utime.tv_usec + usage.ru_stime.tv_usec);
 }
 
 struct Known {
@@ -37,7 +39,8 @@ struct Known {
 
 /// The default cell, and what is true of it.
 struct Scene {
-  Scene(std::uint64_t seed, int cameras, bool infrared, double robot_m) : noise{kCornerPx, robot_m, 2.5 * robot_m} {
+  Scene(std::uint64_t seed, int cameras, bool infrared, double robot_m)
+      : noise{kCornerPx, robot_m, 2.5 * robot_m} {
     sim::Cell simulation(cell, seed);
     const sim::Truth known(simulation);
     truth.board = cell.board;
@@ -47,7 +50,8 @@ struct Scene {
       const Pose<Base, Color> bMc = known.bMc(name);
       truth.cameras.push_back({name, Stream::kColor, known.camera(name), bMc.isometry()});
       if (infrared) {
-        truth.cameras.push_back({name, Stream::kInfrared, known.infrared(name), (bMc * known.cMi(name)).isometry()});
+        truth.cameras.push_back(
+            {name, Stream::kInfrared, known.infrared(name), (bMc * known.cMi(name)).isometry()});
       }
     }
     guard.setBoard(known.eMo());
@@ -66,7 +70,8 @@ struct Scene {
     }
     // Three views of each: facing, and leaning by 40 degrees about two axes.
     for (const test::CellCamera& camera : truth.cameras) {
-      for (const Eigen::Vector3d& lean : {Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(0.7, 0, 0), Eigen::Vector3d(0, -0.7, 0)}) {
+      for (const Eigen::Vector3d& lean :
+           {Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(0.7, 0, 0), Eigen::Vector3d(0, -0.7, 0)}) {
         const auto cMo = Pose<Color, Board>::fromRotationVector(lean, {0, 0, 0.55});
         take(Pose<Base, EndEffector>(camera.pose * cMo.isometry() * truth.board_pose.inverse()));
       }
@@ -85,7 +90,8 @@ struct Scene {
   Known known() const {
     Known known;
     for (const calib::JointCamera& camera : at.cameras) {
-      for (const std::optional<double> distance_m : {std::optional<double>(), std::optional<double>(kRangeM)}) {
+      for (const std::optional<double> distance_m :
+           {std::optional<double>(), std::optional<double>(kRangeM)}) {
         known.projection_px = std::max(
             known.projection_px, calib::projectionMap(at, camera, calib::Anchor::kBase, distance_m).worst_px);
       }
@@ -122,7 +128,8 @@ coverage::Coverage floorOf(const Scene& scene, const CameraModel& model) {
   return {config, {0, 0, model.width_px, model.height_px}, {2, 2, 1}};
 }
 
-std::vector<Eigen::Vector2d> pixelsOf(const plan::Belief& belief, const BoardSpec& board, const Pose<Color, Board>& cMo) {
+std::vector<Eigen::Vector2d> pixelsOf(const plan::Belief& belief, const BoardSpec& board,
+                                      const Pose<Color, Board>& cMo) {
   std::vector<Eigen::Vector2d> pixels;
   for (const Eigen::Vector3d& corner : board.corners()) {
     if (const auto pixel = belief.camera.project(cMo * corner)) pixels.push_back(*pixel);
@@ -138,11 +145,19 @@ struct ByInformation {
   int plans = 0;
 
   explicit ByInformation(const Scene& scene) {
-    for (std::size_t i = 0; i < scene.at.cameras.size(); ++i) floors.push_back(floorOf(scene, scene.at.cameras[i].model));
+    for (std::size_t i = 0; i < scene.at.cameras.size(); ++i)
+      floors.push_back(floorOf(scene, scene.at.cameras[i].model));
     for (std::size_t i = 0; i < scene.at.cameras.size(); ++i) {
       const plan::Belief belief = scene.belief(i);
-      viewers.push_back({i, belief, plan::Detectability(scene.cell.board, belief.camera), &floors[i], {},
-                         scene.at.cameras[i].camera, true, true, 0.012 * belief.camera.height_px});
+      viewers.push_back({i,
+                         belief,
+                         plan::Detectability(scene.cell.board, belief.camera),
+                         &floors[i],
+                         {},
+                         scene.at.cameras[i].camera,
+                         true,
+                         true,
+                         0.012 * belief.camera.height_px});
     }
   }
 
@@ -153,7 +168,8 @@ struct ByInformation {
     options.near_m = scene.cell.coverage.near_distance_m;
     options.far_m = 1.5 * kRangeM;
     const double before_ms = cpuMs();
-    const calib::Forecast forecast(scene.cell.board, scene.at, {scene.cell.limits.workspace, kRangeM, kGoalPx, kGoalM});
+    const calib::Forecast forecast(scene.cell.board, scene.at,
+                                   {scene.cell.limits.workspace, kRangeM, kGoalPx, kGoalM});
     const auto next = plan::informativeViews(forecast, viewers, scene.cell.board, scene.guard, q, options);
     cpu_ms += cpuMs() - before_ms;
     ++plans;
@@ -202,8 +218,8 @@ struct ByCoverage {
       options.distances_m = {config.near_distance_m, 1.08 * config.distance_ratio * config.near_distance_m,
                              1.3 * config.distance_ratio * config.near_distance_m};
       options.image_margin_px = 0.022 * belief.camera.height_px;
-      const plan::NextView next = plan::nextView(mine, belief, scene.cell.board, scene.guard, q, scene.cell.arm.start_q,
-                                                 tried[turn], options);
+      const plan::NextView next = plan::nextView(mine, belief, scene.cell.board, scene.guard, q,
+                                                 scene.cell.arm.start_q, tried[turn], options);
       for (const int cell : next.unreachable) mine.giveUp(cell);
       if (!next.view || mine.complete()) {
         ++turn;
@@ -215,7 +231,8 @@ struct ByCoverage {
         const Pose<Color, Board> cMo = other.bMc.inverse() * next.view->bMe * other.eMo;
         const auto pixels = pixelsOf(other, scene.cell.board, cMo);
         const bool whole = pixels.size() == scene.cell.board.corners().size() &&
-                           std::all_of(pixels.begin(), pixels.end(), [&](const auto& p) { return other.camera.contains(p, 5.0); });
+                           std::all_of(pixels.begin(), pixels.end(),
+                                       [&](const auto& p) { return other.camera.contains(p, 5.0); });
         if (whole) covered[i].add(pixels, cMo);
       }
       return {next.view->bMe};
@@ -230,7 +247,8 @@ struct AtRandom {
     std::uniform_real_distribution<double> uniform;
     for (int i = 0; i < 20000; ++i) {
       const plan::Belief belief = scene.belief(random() % scene.at.cameras.size());
-      const Eigen::Vector2d pixel(uniform(random) * belief.camera.width_px, uniform(random) * belief.camera.height_px);
+      const Eigen::Vector2d pixel(uniform(random) * belief.camera.width_px,
+                                  uniform(random) * belief.camera.height_px);
       const auto ray = belief.camera.unproject(pixel);
       if (!ray) continue;
       const double towards = 2 * M_PI * uniform(random), tilt = M_PI / 4 * uniform(random);
@@ -282,7 +300,8 @@ Course run(Scene& scene, const Chooser& choose, int most_views) {
 
 std::string viewsTo(const Course& course, double projection_px, double point_m) {
   for (std::size_t i = 0; i < course.after.size(); ++i) {
-    if (course.after[i].projection_px <= projection_px && course.after[i].point_m <= point_m) return std::to_string(i);
+    if (course.after[i].projection_px <= projection_px && course.after[i].point_m <= point_m)
+      return std::to_string(i);
   }
   return ">" + std::to_string(course.after.size() - 1);
 }
@@ -295,16 +314,19 @@ int main(int argc, char** argv) {
   double robot_mm = 0.1;
   bool infrared = false;
   cli.add_option("--seeds", seeds, "Cells drawn")->capture_default_str();
-  cli.add_option("--cameras", cameras, "The first of the default cell's three")->check(CLI::Range(1, 3))->capture_default_str();
+  cli.add_option("--cameras", cameras, "The first of the default cell's three")
+      ->check(CLI::Range(1, 3))
+      ->capture_default_str();
   cli.add_flag("--infrared", infrared, "Their infrared streams too");
   cli.add_option("--robot-mm", robot_mm, "Noise of the arm per axis and stop")->capture_default_str();
   cli.add_option("--views", most_views, "At most")->capture_default_str();
   CLI11_PARSE(cli, argc, argv);
 
-  std::printf("%d camera(s)%s, robot %.2f mm; worst projection over the image px / worst point of the workspace mm\n", cameras,
-              infrared ? " with infrared" : "", robot_mm);
-  std::printf("%4s %-12s %8s %8s %8s | after 5, 10, 15, 20, 30, 40, 60, 80 views\n", "seed", "planner", "0.5&0.5", "0.35px",
-              "travel_s");
+  std::printf(
+      "%d camera(s)%s, robot %.2f mm; worst projection over the image px / worst point of the workspace mm\n",
+      cameras, infrared ? " with infrared" : "", robot_mm);
+  std::printf("%4s %-12s %8s %8s %8s | after 5, 10, 15, 20, 30, 40, 60, 80 views\n", "seed", "planner",
+              "0.5&0.5", "0.35px", "travel_s");
   for (int seed = 1; seed <= seeds; ++seed) {
     for (const std::string planner : {"information", "coverage", "random"}) {
       Scene scene(static_cast<std::uint64_t>(seed), cameras, infrared, 1e-3 * robot_mm);
@@ -316,13 +338,16 @@ int main(int argc, char** argv) {
       if (planner == "random") choose = std::ref(random);
       const Course course = run(scene, choose, most_views);
       const std::string to = viewsTo(course, 0.5, 0.0005);
-      std::printf("%4d %-12s %8s %8s", seed, planner.c_str(), to.c_str(), viewsTo(course, 0.35, INFINITY).c_str());
+      std::printf("%4d %-12s %8s %8s", seed, planner.c_str(), to.c_str(),
+                  viewsTo(course, 0.35, INFINITY).c_str());
       std::printf(" %8.0f |", to[0] == '>' ? NAN : course.travel_s[std::stoul(to)]);
       for (const std::size_t n : {5, 10, 15, 20, 30, 40, 60, 80}) {
-        if (n < course.after.size()) std::printf(" %.2f/%.2f", course.after[n].projection_px, 1e3 * course.after[n].point_m);
+        if (n < course.after.size())
+          std::printf(" %.2f/%.2f", course.after[n].projection_px, 1e3 * course.after[n].point_m);
       }
       if (information.plans > 0) {
-        std::printf("  (%.0f ms CPU per plan of %d views)", information.cpu_ms / information.plans, information.views);
+        std::printf("  (%.0f ms CPU per plan of %d views)", information.cpu_ms / information.plans,
+                    information.views);
       }
       std::printf("\n");
       std::fflush(stdout);

@@ -24,7 +24,8 @@ constexpr int kImageCells = 9, kWorkspaceCells = 5;
 std::vector<int> representatives(const BoardSpec& board) {
   const std::vector<Eigen::Vector3d> corners = board.corners();
   Eigen::Vector2d middle = Eigen::Vector2d::Zero(), spread = Eigen::Vector2d::Zero();
-  for (const Eigen::Vector3d& corner : corners) middle += corner.head<2>() / static_cast<double>(corners.size());
+  for (const Eigen::Vector3d& corner : corners)
+    middle += corner.head<2>() / static_cast<double>(corners.size());
   for (const Eigen::Vector3d& corner : corners) {
     spread += (corner.head<2>() - middle).cwiseAbs2() / static_cast<double>(corners.size());
   }
@@ -32,9 +33,10 @@ std::vector<int> representatives(const BoardSpec& board) {
   for (const double x : {-1.0, 1.0}) {
     for (const double y : {-1.0, 1.0}) {
       const Eigen::Vector2d wanted = middle + spread.cwiseSqrt().cwiseProduct(Eigen::Vector2d(x, y));
-      const auto nearest = std::min_element(corners.begin(), corners.end(), [&](const auto& a, const auto& b) {
-        return (a.template head<2>() - wanted).norm() < (b.template head<2>() - wanted).norm();
-      });
+      const auto nearest =
+          std::min_element(corners.begin(), corners.end(), [&](const auto& a, const auto& b) {
+            return (a.template head<2>() - wanted).norm() < (b.template head<2>() - wanted).norm();
+          });
       ids.push_back(static_cast<int>(nearest - corners.begin()));
     }
   }
@@ -47,8 +49,8 @@ struct Places {
   double worst_sigma = 0.0;  // of all, in the worst direction (pixels) or by length (points)
 };
 
-/// R with R^T R the weighted mean of P^T P over the rows P; each weighs as much as it is uncertain now, so that the
-/// worst counts most.
+/// R with R^T R the weighted mean of P^T P over the rows P; each weighs as much as it is uncertain now, so
+/// that the worst counts most.
 Eigen::MatrixXd meanRoot(const std::vector<Eigen::MatrixXd>& rows, const Eigen::MatrixXd& covariance) {
   Eigen::MatrixXd mean = Eigen::MatrixXd::Zero(covariance.rows(), covariance.cols());
   double weights = 0.0;
@@ -83,7 +85,8 @@ Places workspacePlaces(const JointCamera& camera, const Eigen::MatrixXd& covaria
                                                   i / (kWorkspaceCells * kWorkspaceCells)) /
                                   (kWorkspaceCells - 1.0);
     if (auto row = byBackProjection(camera, box.min_m + share.cwiseProduct(box.max_m - box.min_m))) {
-      places.worst_sigma = std::max(places.worst_sigma, std::sqrt((*row * covariance * row->transpose()).trace()));
+      places.worst_sigma =
+          std::max(places.worst_sigma, std::sqrt((*row * covariance * row->transpose()).trace()));
       places.rows.push_back(*std::move(row));
     }
   }
@@ -117,14 +120,16 @@ struct Forecast::Rows {
     }
     return out;
   }
-  /// Covariance of what the stop will show: the prediction's `by_covariance` = rows times covariance, the stop's error,
-  /// the corners' noise of one.
-  Eigen::MatrixXd spread(const Eigen::MatrixXd& by_covariance, Eigen::Index board_at, const Vector6d& robot) const {
+  /// Covariance of what the stop will show: the prediction's `by_covariance` = rows times covariance, the
+  /// stop's error, the corners' noise of one.
+  Eigen::MatrixXd spread(const Eigen::MatrixXd& by_covariance, Eigen::Index board_at,
+                         const Vector6d& robot) const {
     Eigen::MatrixXd stop(size(), 6), out(size(), size());
     Eigen::Index at = 0;
     for (const Look& look : looks) {
       const Eigen::Index rows = look.by_own.rows();
-      out.middleCols(at, rows).noalias() = by_covariance.middleCols(look.own_at, look.own) * look.by_own.transpose();
+      out.middleCols(at, rows).noalias() =
+          by_covariance.middleCols(look.own_at, look.own) * look.by_own.transpose();
       out.middleCols(at, rows).noalias() +=
           by_covariance.middleCols(board_at, look.by_board.cols()) * look.by_board.transpose();
       stop.middleRows(at, rows) = look.by_stop;
@@ -138,16 +143,21 @@ struct Forecast::Rows {
 
 Forecast::Forecast(const BoardSpec& board, const JointSolution& solution, const ForecastOptions& options)
     : board_(board), solution_(solution) {
-  if (!solution.covariance.allFinite()) throw std::invalid_argument("a forecast needs a covariance that is finite");
-  if (solution.robot_terms.size() > 0) throw std::invalid_argument("a forecast knows no systematic errors of the arm");
-  const auto aimAt = [this](std::size_t camera, const Eigen::MatrixXd& covariance, const Places& places, double goal) {
+  if (!solution.covariance.allFinite())
+    throw std::invalid_argument("a forecast needs a covariance that is finite");
+  if (solution.robot_terms.size() > 0)
+    throw std::invalid_argument("a forecast knows no systematic errors of the arm");
+  const auto aimAt = [this](std::size_t camera, const Eigen::MatrixXd& covariance, const Places& places,
+                            double goal) {
     if (places.rows.empty()) return;  // No point of the workspace is seen.
-    targets_.push_back({camera, meanRoot(places.rows, covariance), places.worst_sigma > goal ? 1.0 : kReachedWeight});
+    targets_.push_back(
+        {camera, meanRoot(places.rows, covariance), places.worst_sigma > goal ? 1.0 : kReachedWeight});
   };
   for (std::size_t i = 0; i < solution.cameras.size(); ++i) {
     const JointCamera& camera = solution.cameras[i];
     const auto size = static_cast<Eigen::Index>(camera.free.size()) + 6;
-    const Eigen::MatrixXd own = solution.covariance.block(camera.intrinsics_at, camera.intrinsics_at, size, size);
+    const Eigen::MatrixXd own =
+        solution.covariance.block(camera.intrinsics_at, camera.intrinsics_at, size, size);
     aimAt(i, own, imagePlaces(camera, own, options.range_m), options.projection_goal_px);
     aimAt(i, own, workspacePlaces(camera, own, options.workspace), options.point_goal_m);
   }
@@ -168,19 +178,22 @@ void Forecast::setAims() {
       held += eigen.eigenvalues()[size - 1 - columns];
     }
     Aim aim;
-    aim.by_shared = covariance.middleCols(at, size) * root.transpose() * eigen.eigenvectors().rightCols(columns);
+    aim.by_shared =
+        covariance.middleCols(at, size) * root.transpose() * eigen.eigenvectors().rightCols(columns);
     aim.variance = eigen.eigenvalues().sum();
     aim.weight = target.weight;
     aims_.push_back(std::move(aim));
   }
 }
 
-std::vector<Forecast::Rows> Forecast::rowsOf(const std::vector<PlannedStop>& planned, const std::vector<int>& corner_ids) const {
+std::vector<Forecast::Rows> Forecast::rowsOf(const std::vector<PlannedStop>& planned,
+                                             const std::vector<int>& corner_ids) const {
   BoardDetection detection;
   for (const int id : corner_ids) {
     detection.corners.push_back({id, Eigen::Vector2d::Zero(), Eigen::Matrix2d::Identity()});
   }
-  const double counts_for = static_cast<double>(board_.corners().size()) / static_cast<double>(detection.corners.size());
+  const double counts_for =
+      static_cast<double>(board_.corners().size()) / static_cast<double>(detection.corners.size());
   JointPrediction prediction(board_, {}, solution_);
   JointProblem& problem = prediction.problem();
   std::vector<JointStop> stops;
@@ -197,13 +210,15 @@ std::vector<Forecast::Rows> Forecast::rowsOf(const std::vector<PlannedStop>& pla
       const JointCamera& camera = solution_.cameras[look.camera];
       const double sigma_px = std::max(kLeastCornerSigmaPx, camera.rms_px / std::sqrt(2.0));
       const double weight = camera.corner_scale * std::sqrt(counts_for * look.probability) / sigma_px;
-      const JointView view{i, look.camera, &detection, 0,
-                           std::vector<Eigen::Matrix2d>(detection.corners.size(), weight * Eigen::Matrix2d::Identity())};
+      const JointView view{
+          i, look.camera, &detection, 0,
+          std::vector<Eigen::Matrix2d>(detection.corners.size(), weight * Eigen::Matrix2d::Identity())};
       const auto seen = problem.residual(state, view);
       if (!seen) continue;
       const JointLayout::Camera& layout = problem.layout().cameras[look.camera];
       out[i].looks.push_back({layout.at, layout.size(), seen->jacobian.leftCols(layout.size()),
-                              seen->jacobian.middleCols(layout.size(), common), seen->jacobian.rightCols<6>()});
+                              seen->jacobian.middleCols(layout.size(), common),
+                              seen->jacobian.rightCols<6>()});
     }
   }
   return out;

@@ -21,7 +21,8 @@ const JointCamera* sameStream(const JointSolution& solution, const JointCamera& 
 }
 
 /// Median distance of the board at the stops that the camera used; nothing if there are none.
-std::optional<double> rangeM(const std::vector<Observation>& observations, const JointSolution& solution, const JointCamera& camera) {
+std::optional<double> rangeM(const std::vector<Observation>& observations, const JointSolution& solution,
+                             const JointCamera& camera) {
   std::set<std::int64_t> used;
   for (const ViewResidual& view : camera.views) {
     if (view.used) used.insert(view.observation_id);
@@ -63,7 +64,8 @@ std::optional<JointHalves> compare(const JointSolution& first, const JointCamera
 
 std::vector<std::optional<JointHalves>> compareHalves(const BoardSpec& board,
                                                       const std::vector<Observation>& observations,
-                                                      const JointOptions& options, const JointSolution& solution) {
+                                                      const JointOptions& options,
+                                                      const JointSolution& solution) {
   std::vector<Observation> sorted = observations;
   std::sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
   std::vector<Observation> halves[2];
@@ -72,11 +74,13 @@ std::vector<std::optional<JointHalves>> compareHalves(const BoardSpec& board,
     if (observation.robot && !observation.views.empty()) halves[stop++ % 2].push_back(std::move(observation));
   }
   std::vector<std::optional<JointHalves>> out(solution.cameras.size());
-  const JointOutcome first = solveJoint(board, halves[0], options), second = solveJoint(board, halves[1], options);
+  const JointOutcome first = solveJoint(board, halves[0], options),
+                     second = solveJoint(board, halves[1], options);
   if (!first.solution || !second.solution) return out;
   for (std::size_t i = 0; i < out.size(); ++i) {
     const JointCamera& camera = solution.cameras[i];
-    const JointCamera *by_first = sameStream(*first.solution, camera), *by_second = sameStream(*second.solution, camera);
+    const JointCamera *by_first = sameStream(*first.solution, camera),
+                      *by_second = sameStream(*second.solution, camera);
     const auto range_m = rangeM(observations, solution, camera);
     if (by_first == nullptr || by_second == nullptr || !range_m) continue;
     out[i] = compare(*first.solution, *by_first, *second.solution, *by_second, camera, *range_m);

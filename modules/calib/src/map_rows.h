@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// How a camera's free intrinsics and its pose move what it shows and what it measures: what every map of uncertainty is
-// made of. Columns: free intrinsics, displacement of the camera's origin (m), turn about it (rad), along the axes of
-// the frame that the pose is given in.
+// How a camera's free intrinsics and its pose move what it shows and what it measures: what every map of
+// uncertainty is made of. Columns: free intrinsics, displacement of the camera's origin (m), turn about it
+// (rad), along the axes of the frame that the pose is given in.
 #pragma once
 
 #include <Eigen/Core>
@@ -30,8 +30,8 @@ Eigen::Matrix<double, 2, 6> byPose(const JointCamera& camera, const Seen& seen, 
 /// Rays of a grid over the image, at this depth; those that the model cannot unproject are nothing.
 std::vector<std::optional<Seen>> grid(const JointCamera& camera, int cells_x, int cells_y, double depth_m);
 
-/// Where a pixel with its depth held comes to lie in the frame the camera stands in, by intrinsics and pose. Nothing if
-/// the camera does not show the point.
+/// Where a pixel with its depth held comes to lie in the frame the camera stands in, by intrinsics and pose.
+/// Nothing if the camera does not show the point.
 std::optional<Eigen::MatrixXd> byBackProjection(const JointCamera& camera, const Eigen::Vector3d& point_l);
 
 }  // namespace servocal::calib

@@ -18,7 +18,8 @@ double logistic(double logit) { return 1.0 / (1.0 + std::exp(-logit)); }
 
 }  // namespace
 
-Detectability::Detectability(const BoardSpec& board, const CameraModel& camera) : camera_(camera), weights_(kSupposed) {
+Detectability::Detectability(const BoardSpec& board, const CameraModel& camera)
+    : camera_(camera), weights_(kSupposed) {
   const std::vector<Eigen::Vector3d> corners = board.corners();
   spacing_m_ = INFINITY;
   for (std::size_t i = 1; i < corners.size(); ++i) {

@@ -12,10 +12,10 @@
 namespace servocal::plan {
 namespace {
 
-constexpr std::size_t kShortlist = 120;     // candidates that are weighed again after each choice
-constexpr double kServoShare = 1.3;         // a servo converges; a straight motion at the limits would not
-constexpr int kDrawsPerCandidate = 4;       // at most
-constexpr int kPushes = 5;                  // of a drawn pose into the image
+constexpr std::size_t kShortlist = 120;  // candidates that are weighed again after each choice
+constexpr double kServoShare = 1.3;      // a servo converges; a straight motion at the limits would not
+constexpr int kDrawsPerCandidate = 4;    // at most
+constexpr int kPushes = 5;               // of a drawn pose into the image
 
 struct Candidate {
   InformativeView view;
@@ -41,10 +41,11 @@ Pose<Color, Board> boardAt(const Belief& belief, const Pose<Base, EndEffector>& 
   return belief.bMc.inverse() * forMount(belief.mount, bMe) * belief.eMo;
 }
 
-/// Board pose number `index` before a camera. One that would reach out of the image is pushed in, so that many
-/// touch the border: that is where a lens is known worst. Nothing if it does not fit in.
-std::optional<Pose<Color, Board>> drawPose(const CameraModel& camera, const std::vector<Eigen::Vector3d>& outline,
-                                           int index, double margin_px, const InformativeOptions& options) {
+/// Board pose number `index` before a camera. One that would reach out of the image is pushed in, so that
+/// many touch the border: that is where a lens is known worst. Nothing if it does not fit in.
+std::optional<Pose<Color, Board>> drawPose(const CameraModel& camera,
+                                           const std::vector<Eigen::Vector3d>& outline, int index,
+                                           double margin_px, const InformativeOptions& options) {
   using Eigen::AngleAxisd;
   using Eigen::Vector3d;
   const double distance_m = options.near_m + radicalInverse(index, 5) * (options.far_m - options.near_m);
@@ -56,7 +57,8 @@ std::optional<Pose<Color, Board>> drawPose(const CameraModel& camera, const std:
                                      .toRotationMatrix();
   const Eigen::Vector2d least = Eigen::Vector2d::Constant(margin_px),
                         most(camera.width_px - 1 - margin_px, camera.height_px - 1 - margin_px);
-  Eigen::Vector2d middle(radicalInverse(index, 2) * (camera.width_px - 1), radicalInverse(index, 3) * (camera.height_px - 1));
+  Eigen::Vector2d middle(radicalInverse(index, 2) * (camera.width_px - 1),
+                         radicalInverse(index, 3) * (camera.height_px - 1));
   for (int push = 0; push < kPushes; ++push) {
     const auto ray = camera.unproject(middle);
     if (!ray) return std::nullopt;
@@ -124,11 +126,13 @@ std::vector<Candidate> draw(const std::vector<Viewer>& viewers, const BoardSpec&
     if (viewers[i].wanted) wanted.push_back(i);
   }
   const int draws = kDrawsPerCandidate * options.candidates;
-  for (int i = 0; i < draws && static_cast<int>(candidates.size()) < options.candidates && !wanted.empty(); ++i) {
+  for (int i = 0; i < draws && static_cast<int>(candidates.size()) < options.candidates && !wanted.empty();
+       ++i) {
     const std::size_t meant_for = wanted[static_cast<std::size_t>(i) % wanted.size()];
     // Every viewer has all of the sequence: its elements alternate. The first of them are on lines.
     const int index = 20 + options.draw * draws + i / static_cast<int>(wanted.size());
-    const auto cdMo = drawPose(viewers[meant_for].belief.camera, outline, index, viewers[meant_for].image_margin_px, options);
+    const auto cdMo = drawPose(viewers[meant_for].belief.camera, outline, index,
+                               viewers[meant_for].image_margin_px, options);
     if (!cdMo || isTried(viewers[meant_for].tried, *cdMo)) continue;
     if (auto candidate = candidateOf(viewers, meant_for, *cdMo, board, options)) {
       candidates.push_back(*std::move(candidate));
@@ -153,9 +157,8 @@ std::optional<Candidate> takeBest(std::vector<Candidate>& candidates, const robo
            (options.stop_time_s + kServoShare * travelTimeS(bMe_from, candidate.view.bMe, guard.limits()));
   };
   while (!candidates.empty()) {
-    const auto best = std::max_element(candidates.begin(), candidates.end(), [&](const auto& a, const auto& b) {
-      return utility(a) < utility(b);
-    });
+    const auto best = std::max_element(candidates.begin(), candidates.end(),
+                                       [&](const auto& a, const auto& b) { return utility(a) < utility(b); });
     Candidate taken = std::move(*best);
     *best = std::move(candidates.back());
     candidates.pop_back();
@@ -166,8 +169,9 @@ std::optional<Candidate> takeBest(std::vector<Candidate>& candidates, const robo
 }
 
 /// In the order in which the arm travels least. The views are few.
-std::vector<InformativeView> shortestTour(const std::vector<InformativeView>& views, const robot::Guard& guard,
-                                          Eigen::VectorXd from_q, double min_singular_value) {
+std::vector<InformativeView> shortestTour(const std::vector<InformativeView>& views,
+                                          const robot::Guard& guard, Eigen::VectorXd from_q,
+                                          double min_singular_value) {
   const auto bMe_from = guard.kinematics().forward(from_q);
   std::vector<std::size_t> order(views.size());
   std::iota(order.begin(), order.end(), 0);
@@ -189,33 +193,39 @@ std::vector<InformativeView> shortestTour(const std::vector<InformativeView>& vi
   for (const std::size_t i : best) {
     tour.push_back(views[i]);
     tour.back().straight = straightWayFree(guard, from_q, views[i].bMe, min_singular_value);
-    from_q = guard.kinematics().inverse(views[i].bMe, from_q, guard.limits().joint_margin_rad).value_or(from_q);
+    from_q =
+        guard.kinematics().inverse(views[i].bMe, from_q, guard.limits().joint_margin_rad).value_or(from_q);
   }
   return tour;
 }
 
 }  // namespace
 
-std::vector<InformativeView> informativeViews(const calib::Forecast& forecast, const std::vector<Viewer>& viewers,
-                                              const BoardSpec& board, const robot::Guard& guard,
-                                              const Eigen::VectorXd& current_q, const InformativeOptions& options) {
+std::vector<InformativeView> informativeViews(const calib::Forecast& forecast,
+                                              const std::vector<Viewer>& viewers, const BoardSpec& board,
+                                              const robot::Guard& guard, const Eigen::VectorXd& current_q,
+                                              const InformativeOptions& options) {
   if (viewers.empty()) return {};
   std::vector<Candidate> candidates = draw(viewers, board, options);
   calib::Forecast ahead = forecast;
   weigh(ahead, candidates);
-  const auto worth = [&](const Candidate& candidate) { return candidate.gain + options.floor_worth * candidate.floor; };
+  const auto worth = [&](const Candidate& candidate) {
+    return candidate.gain + options.floor_worth * candidate.floor;
+  };
   std::vector<InformativeView> views;
   Eigen::VectorXd from_q = current_q;
   while (static_cast<int>(views.size()) < options.views) {
     auto best = takeBest(candidates, guard, from_q, options);
     if (!best) break;
     ahead.add(best->view.stop);
-    from_q = guard.kinematics().inverse(best->view.bMe, from_q, guard.limits().joint_margin_rad).value_or(from_q);
+    from_q =
+        guard.kinematics().inverse(best->view.bMe, from_q, guard.limits().joint_margin_rad).value_or(from_q);
     best->view.gain = best->gain;
     views.push_back(std::move(best->view));
     // What was worth little before is worth little now.
     const std::size_t kept = std::min(kShortlist, candidates.size());
-    std::partial_sort(candidates.begin(), candidates.begin() + static_cast<std::ptrdiff_t>(kept), candidates.end(),
+    std::partial_sort(candidates.begin(), candidates.begin() + static_cast<std::ptrdiff_t>(kept),
+                      candidates.end(),
                       [&](const Candidate& a, const Candidate& b) { return worth(a) > worth(b); });
     candidates.resize(kept);
     weigh(ahead, candidates);

@@ -32,7 +32,8 @@ std::optional<std::vector<Eigen::Vector2d>> visibleCorners(const Pose<Color, Boa
 
 double travelTimeS(const Pose<Base, EndEffector>& from, const Pose<Base, EndEffector>& to,
                    const MotionLimits& limits) {
-  return std::max(distanceM(from, to) / limits.max_speed_mps, angleRad(from, to) / limits.max_angular_speed_radps);
+  return std::max(distanceM(from, to) / limits.max_speed_mps,
+                  angleRad(from, to) / limits.max_angular_speed_radps);
 }
 
 bool straightWayFree(const robot::Guard& guard, const Eigen::VectorXd& from_q,

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Views by information: what is known so far -> the stops that tell most -> servo, settle, observe -> know more.
+// Views by information: what is known so far -> the stops that tell most -> servo, settle, observe -> know
+// more.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -15,8 +16,9 @@ namespace servocal::procedure {
 namespace {
 
 constexpr const char* kStage = "inform";
-constexpr double kLeastGain = 0.1;  // of a stop: a twentieth off one standard deviation that is still too large
-constexpr double kFarRatio = 1.5;    // far limit of the distances over the far views' least one
+constexpr double kLeastGain =
+    0.1;  // of a stop: a twentieth off one standard deviation that is still too large
+constexpr double kFarRatio = 1.5;              // far limit of the distances over the far views' least one
 constexpr double kPlanMarginOfHeight = 0.012;  // A little more than the drive keeps.
 
 using calib::JointCamera;
@@ -24,8 +26,9 @@ using calib::JointSolution;
 
 /// Everything known so far, with the data sheets as priors.
 struct Estimate {
-  JointSolution plain;                  // The arm as it reports: stops can be forecast.
-  std::optional<JointSolution> judged;  // Its geometry in doubt, which makes all of it less certain; what counts.
+  JointSolution plain;  // The arm as it reports: stops can be forecast.
+  std::optional<JointSolution>
+      judged;  // Its geometry in doubt, which makes all of it less certain; what counts.
   const JointSolution& counts() const { return judged ? *judged : plain; }
 };
 
@@ -65,7 +68,9 @@ void believe(Run& run, const JointSolution& solution) {
   }
 }
 
-double workingRangeM(const CellConfig& cell) { return cell.coverage.distance_ratio * cell.coverage.near_distance_m; }
+double workingRangeM(const CellConfig& cell) {
+  return cell.coverage.distance_ratio * cell.coverage.near_distance_m;
+}
 
 std::vector<Known> known(const JointSolution& solution, const CellConfig& cell) {
   std::vector<Known> streams;
@@ -73,7 +78,8 @@ std::vector<Known> known(const JointSolution& solution, const CellConfig& cell) 
     const auto worstPx = [&](std::optional<double> distance_m) {
       return calib::projectionMap(solution, camera, calib::Anchor::kBase, distance_m).worst_px;
     };
-    streams.push_back({camera.camera + " " + toString(camera.stream), std::max(worstPx({}), worstPx(workingRangeM(cell))),
+    streams.push_back({camera.camera + " " + toString(camera.stream),
+                       std::max(worstPx({}), worstPx(workingRangeM(cell))),
                        calib::workspaceMap(solution, camera, cell.limits.workspace).worst_m});
   }
   return streams;
@@ -83,7 +89,8 @@ std::vector<Known> known(const JointSolution& solution, const CellConfig& cell) 
 double seemingShare(const std::vector<Known>& seeming, const std::vector<Known>& judged) {
   double share = 1.0;
   for (std::size_t i = 0; i < seeming.size() && i < judged.size(); ++i) {
-    share = std::min({share, seeming[i].projection_px / judged[i].projection_px, seeming[i].point_m / judged[i].point_m});
+    share = std::min(
+        {share, seeming[i].projection_px / judged[i].projection_px, seeming[i].point_m / judged[i].point_m});
   }
   return share;
 }
@@ -98,8 +105,12 @@ std::vector<plan::Viewer> viewers(Run& run, const JointSolution& solution, const
   for (std::size_t i = 0; i < solution.cameras.size(); ++i) {
     Eye& eye = *run.find(solution.cameras[i].camera, solution.cameras[i].stream);
     if (eye.tooLate()) continue;
-    plan::Viewer viewer{i, {eye.model(), *eye.bMc(), run.eMo(eye), run.mount()},
-                        plan::Detectability(run.cell().board, eye.model()), &eye.coverage, tried[i], eye.camera(),
+    plan::Viewer viewer{i,
+                        {eye.model(), *eye.bMc(), run.eMo(eye), run.mount()},
+                        plan::Detectability(run.cell().board, eye.model()),
+                        &eye.coverage,
+                        tried[i],
+                        eye.camera(),
                         !(eye.excludesOthers() && eye.stream() == Stream::kInfrared),
                         !isMet(now[i], run.cell().planner) || !eye.coverage.complete(),
                         kPlanMarginOfHeight * eye.model().height_px};
@@ -144,8 +155,8 @@ void fillFloors(Run& run) {
 }
 
 /// The next views; none if none brings a goal much nearer.
-std::vector<plan::InformativeView> nextViews(Run& run, const Estimate& estimated, const std::vector<plan::Viewer>& looking,
-                                             int draw) {
+std::vector<plan::InformativeView> nextViews(Run& run, const Estimate& estimated,
+                                             const std::vector<plan::Viewer>& looking, int draw) {
   // Stops are forecast for an arm as it reports; the goals move by what that makes seem better than it is.
   const CellConfig& cell = run.cell();
   const std::vector<Known> seeming = known(estimated.plain, cell);
@@ -153,13 +164,15 @@ std::vector<plan::InformativeView> nextViews(Run& run, const Estimate& estimated
   PlannerConfig goals = cell.planner;
   goals.projection_goal_px *= share;
   goals.point_goal_m *= share;
-  const calib::Forecast forecast(cell.board, estimated.plain, {cell.limits.workspace, workingRangeM(cell),
-                                                               goals.projection_goal_px, goals.point_goal_m});
+  const calib::Forecast forecast(
+      cell.board, estimated.plain,
+      {cell.limits.workspace, workingRangeM(cell), goals.projection_goal_px, goals.point_goal_m});
   plan::InformativeOptions options;
   options.near_m = cell.coverage.near_distance_m;
   options.far_m = kFarRatio * workingRangeM(cell);
   options.draw = draw;
-  auto views = plan::informativeViews(forecast, looking, cell.board, run.guard(), run.guard().state().q, options);
+  auto views =
+      plan::informativeViews(forecast, looking, cell.board, run.guard(), run.guard().state().q, options);
   double gain = 0.0;
   for (const plan::InformativeView& view : views) gain += view.gain;
   if (gain < kLeastGain * static_cast<double>(views.size())) views.clear();
@@ -170,8 +183,9 @@ std::vector<plan::InformativeView> nextViews(Run& run, const Estimate& estimated
 
 std::optional<std::string> inform(Run& run) {
   const PlannerConfig& goals = run.cell().planner;
-  int stops = static_cast<int>(std::count_if(run.observations().begin(), run.observations().end(),
-                                             [](const auto& observation) { return observation.stage == kStage; }));
+  int stops =
+      static_cast<int>(std::count_if(run.observations().begin(), run.observations().end(),
+                                     [](const auto& observation) { return observation.stage == kStage; }));
   std::vector<std::vector<Pose<Color, Board>>> tried;  // by stream of the estimate
   std::optional<std::string> ended;
   for (int draw = 0; !ended; ++draw) {

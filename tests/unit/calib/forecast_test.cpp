@@ -36,7 +36,8 @@ struct ForecastScene {
     stop.bMe = observation.robot->bMe;
     for (const StreamObservation& view : observation.views) {
       for (std::size_t k = 0; k < at.cameras.size(); ++k) {
-        if (at.cameras[k].camera == view.camera && at.cameras[k].stream == view.stream) stop.looks.push_back({k, 1.0});
+        if (at.cameras[k].camera == view.camera && at.cameras[k].stream == view.stream)
+          stop.looks.push_back({k, 1.0});
       }
     }
     return stop;
@@ -89,7 +90,8 @@ double gainByMaps(const JointSolution& before, const JointSolution& after) {
   return gain;
 }
 
-// What is ranked by is not what the maps say (they weigh every place alike), but the better stop is the better one.
+// What is ranked by is not what the maps say (they weigh every place alike), but the better stop is the
+// better one.
 TEST(Forecast, GainRanksStopsAsTheMapsDo) {
   const ForecastScene scene;
   std::vector<PlannedStop> stops;
@@ -149,7 +151,8 @@ TEST(CompareHalves, DifferByWhatTheyClaimUnlessTheModelIsWrong) {
     const JointSolution solution = solveJoint(scene.cell.board, all, options).solution.value();
     double squares = 0.0;
     for (const auto& halves : compareHalves(scene.cell.board, all, options, solution)) {
-      squares += std::pow(halves.value().rms_px / halves->claimed_px, 2) / static_cast<double>(solution.cameras.size());
+      squares += std::pow(halves.value().rms_px / halves->claimed_px, 2) /
+                 static_cast<double>(solution.cameras.size());
     }
     return std::sqrt(squares);
   };

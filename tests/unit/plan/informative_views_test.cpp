@@ -33,7 +33,8 @@ struct InformScene {
       stream.camera = camera.name;
       stream.prior = calib::nominalPrior(CameraModel::fromFieldOfView(1920, 1080, 1.466));
       joint.streams.push_back(stream);
-      for (const Eigen::Vector3d& lean : {Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(0.7, 0, 0), Eigen::Vector3d(0, -0.7, 0)}) {
+      for (const Eigen::Vector3d& lean :
+           {Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(0.7, 0, 0), Eigen::Vector3d(0, -0.7, 0)}) {
         const auto cMo = Pose<Color, Board>::fromRotationVector(lean, {0, 0, 0.55});
         const Pose<Base, EndEffector> bMe(camera.pose * cMo.isometry() * truth.board_pose.inverse());
         observations.push_back(test::observe(truth, {bMe, {}}, id++, noise, random));
@@ -44,7 +45,15 @@ struct InformScene {
       const Belief belief{solution.cameras[i].model, Pose<Base, Color>(solution.cameras[i].pose),
                           Pose<EndEffector, Board>(solution.board_pose), Mount::kFixed};
       floors.push_back(coverage::Coverage(cell.coverage, {0, 0, 1920, 1080}));
-      viewers.push_back({i, belief, Detectability(cell.board, belief.camera), nullptr, {}, solution.cameras[i].camera, true, true, 13.0});
+      viewers.push_back({i,
+                         belief,
+                         Detectability(cell.board, belief.camera),
+                         nullptr,
+                         {},
+                         solution.cameras[i].camera,
+                         true,
+                         true,
+                         13.0});
     }
   }
 
@@ -93,7 +102,8 @@ TEST(InformativeViews, AreWholeInTheImageReachableAndWhereTheySay) {
   for (const InformativeView& view : views) {
     const Viewer& viewer = scene.viewers[view.viewer];
     for (const Eigen::Vector3d& point : scene.cell.board.patternOutline()) {
-      EXPECT_TRUE(viewer.belief.camera.contains(viewer.belief.camera.project(view.cdMo * point).value(), 13.0 - 1e-6));
+      EXPECT_TRUE(viewer.belief.camera.contains(viewer.belief.camera.project(view.cdMo * point).value(),
+                                                13.0 - 1e-6));
     }
     const auto shown = viewer.belief.bMc.inverse() * view.bMe * viewer.belief.eMo;
     EXPECT_LT(distanceM(shown, view.cdMo), 1e-9);
@@ -103,23 +113,27 @@ TEST(InformativeViews, AreWholeInTheImageReachableAndWhereTheySay) {
   }
 }
 
-// Twenty of them leave a third less than as many views that chance takes within reach; the same number drawn is the same answer.
+// Twenty of them leave a third less than as many views that chance takes within reach; the same number drawn
+// is the same answer.
 TEST(InformativeViews, TellMoreThanViewsByChance) {
   InformScene scene;
   calib::Forecast chosen(scene.cell.board, scene.solution, {scene.cell.limits.workspace, kRangeM});
   for (scene.options.draw = 0; scene.options.draw < 5; ++scene.options.draw) {
-    const auto views = informativeViews(chosen, scene.viewers, scene.cell.board, scene.guard, scene.cell.arm.start_q, scene.options);
+    const auto views = informativeViews(chosen, scene.viewers, scene.cell.board, scene.guard,
+                                        scene.cell.arm.start_q, scene.options);
     for (const InformativeView& view : views) chosen.add(view.stop);
   }
   calib::Forecast by_chance(scene.cell.board, scene.solution, {scene.cell.limits.workspace, kRangeM});
   int taken = 0;
   for (const test::CellStop& stop : test::randomStops(scene.truth, 400, scene.random)) {
-    const auto q = scene.kinematics.inverse(stop.bMe, scene.cell.arm.start_q, scene.guard.limits().joint_margin_rad);
+    const auto q =
+        scene.kinematics.inverse(stop.bMe, scene.cell.arm.start_q, scene.guard.limits().joint_margin_rad);
     if (taken == 20 || !q || !scene.guard.allows(*q) || !scene.isWhole(stop.bMe)) continue;
     ++taken;
     calib::PlannedStop planned{stop.bMe, {}};
     const Observation seen = test::observe(scene.truth, stop, 99, scene.noise, scene.random);
-    for (const StreamObservation& view : seen.views) planned.looks.push_back({view.camera == "left" ? 0u : 1u, 1.0});
+    for (const StreamObservation& view : seen.views)
+      planned.looks.push_back({view.camera == "left" ? 0u : 1u, 1.0});
     by_chance.add(planned);
   }
   ASSERT_EQ(taken, 20);
@@ -167,7 +181,8 @@ TEST(InformativeViews, ServeTheFloorOfCoverage) {
     const auto cMo = scene.viewers.front().belief.bMc.inverse() * view.bMe * scene.viewers.front().belief.eMo;
     std::vector<Eigen::Vector2d> pixels;
     for (const Eigen::Vector3d& corner : scene.cell.board.corners()) {
-      if (const auto pixel = scene.viewers.front().belief.camera.project(cMo * corner)) pixels.push_back(*pixel);
+      if (const auto pixel = scene.viewers.front().belief.camera.project(cMo * corner))
+        pixels.push_back(*pixel);
     }
     serving += floor.missingCorners(pixels) > 0;
   }

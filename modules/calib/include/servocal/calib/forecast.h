@@ -25,7 +25,8 @@ struct PlannedStop {
 struct ForecastOptions {
   Box workspace;         ///< Where points have to be known, in the frame the cameras stand in.
   double range_m = 0.6;  ///< Working distance, at which projections have to be known too.
-  /// What is known better than this all over an image, or of all points that a stream sees, counts for little.
+  /// What is known better than this all over an image, or of all points that a stream sees, counts for
+  /// little.
   double projection_goal_px = 0.0;
   double point_goal_m = 0.0;
 };
@@ -33,21 +34,22 @@ struct ForecastOptions {
 /// What would be left uncertain of a joint solution after stops that have not been made, to first order, the
 /// intrinsics' lens model believed.
 ///
-/// A stop counts by what it takes away from the variance of projection (over every stream's image, at infinity and
-/// at the working distance) and of points of the workspace:
+/// A stop counts by what it takes away from the variance of projection (over every stream's image, at
+/// infinity and at the working distance) and of points of the workspace:
 ///
 ///   gain = sum over streams of w_I log(tr(A_I S) / tr(A_I S')) + w_3 log(tr(A_3 S) / tr(A_3 S'))
 ///
-/// with S the covariance before, S' after, A_I and A_3 the means of P^T P over image and workspace, weighted by how
-/// uncertain each place is before: I-optimality that leans towards the worst (G). The weights w are one, and a tenth
-/// where the goal is met. The error of the arm at the stop, shared by all streams, is part of it. To rank stops, four corners with about the second moments of them all stand for
-/// all of them.
+/// with S the covariance before, S' after, A_I and A_3 the means of P^T P over image and workspace, weighted
+/// by how uncertain each place is before: I-optimality that leans towards the worst (G). The weights w are
+/// one, and a tenth where the goal is met. The error of the arm at the stop, shared by all streams, is part
+/// of it. To rank stops, four corners with about the second moments of them all stand for all of them.
 ///
 /// Source: Atkinson, Donev, "Optimum Experimental Designs", 1992 (I-, or V-optimality); greedy choice as in
 /// Rojtberg, Kuijper, "Efficient Pose Selection for Interactive Camera Calibration", 2018.
 class Forecast {
  public:
-  /// @throws std::invalid_argument if the solution's covariance is not finite, or has systematic errors of the arm in
+  /// @throws std::invalid_argument if the solution's covariance is not finite, or has systematic errors of
+  /// the arm in
   ///   it: how they act at a stop that has not been made depends on joint angles that nobody knows yet.
   Forecast(const BoardSpec& board, const JointSolution& solution, const ForecastOptions& options);
 

@@ -24,25 +24,28 @@ struct Viewer {
   Belief belief;           ///< Where it stands, by which goals become flange poses.
   Detectability detectability;
   const coverage::Coverage* floor = nullptr;  ///< What it has to have seen, whatever the forecast says.
-  std::vector<Pose<Color, Board>> tried;      ///< Goals driven to by it; candidates close to them are not proposed.
-  std::string device;    ///< Which camera it is a stream of.
-  bool looks_on = true;  ///< At the stops of other cameras too. False where the streams of its own exclude each other.
-  bool wanted = true;    ///< False: views are not made for it, its goals are met; it only looks on.
+  std::vector<Pose<Color, Board>>
+      tried;           ///< Goals driven to by it; candidates close to them are not proposed.
+  std::string device;  ///< Which camera it is a stream of.
+  bool looks_on =
+      true;  ///< At the stops of other cameras too. False where the streams of its own exclude each other.
+  bool wanted = true;             ///< False: views are not made for it, its goals are met; it only looks on.
   double image_margin_px = 13.0;  ///< Between the squares' outline and the image border.
 };
 
 struct InformativeOptions {
-  double near_m = 0.45;      ///< Range of distances along the optical axis.
+  double near_m = 0.45;  ///< Range of distances along the optical axis.
   double far_m = 0.8;
   double max_tilt_rad = 0.79;  ///< Against the image plane. More adds little (bench: planner_bench).
   double max_roll_rad = 0.79;
   double least_probability = 0.5;    ///< Of being detected, to be proposed at all.
   double min_singular_value = 0.03;  ///< As PlanOptions.
-  double stop_time_s = 3.0;  ///< Of a stop beside the travel: the servo's end, settling, the frames.
-  double floor_worth = 0.3;  ///< Of an image cell filled, a distance or a tilt that is missing, in units of gain.
-  int candidates = 700;      ///< Of all viewers together.
-  int views = 4;             ///< How many are planned ahead and brought into a short order.
-  int draw = 0;              ///< Candidates are drawn anew with each number; the same ones with the same.
+  double stop_time_s = 3.0;          ///< Of a stop beside the travel: the servo's end, settling, the frames.
+  double floor_worth =
+      0.3;               ///< Of an image cell filled, a distance or a tilt that is missing, in units of gain.
+  int candidates = 700;  ///< Of all viewers together.
+  int views = 4;         ///< How many are planned ahead and brought into a short order.
+  int draw = 0;          ///< Candidates are drawn anew with each number; the same ones with the same.
 };
 
 /// A view worth driving to.
@@ -50,23 +53,25 @@ struct InformativeView {
   std::size_t viewer = 0;       ///< Which one it is made for: index into the viewers.
   Pose<Color, Board> cdMo;      ///< In that one's camera frame.
   Pose<Base, EndEffector> bMe;  ///< Where the flange will be, as far as the belief is right.
-  bool straight = true;         ///< From where the arm stands before it. False: only on a way round what is there.
-  calib::PlannedStop stop;      ///< What the forecast took it for,
-  double gain = 0.0;            ///< and what it is worth once those chosen before it have been made; see calib::Forecast.
+  bool straight = true;  ///< From where the arm stands before it. False: only on a way round what is there.
+  calib::PlannedStop stop;  ///< What the forecast took it for,
+  double gain =
+      0.0;  ///< and what it is worth once those chosen before it have been made; see calib::Forecast.
 };
 
-/// The views that take away most uncertainty of all streams together per second of robot time, the probability of
-/// detection allowed for; each is chosen as if those before it had been made. Then the order in which the arm travels
-/// least. Empty if no candidate can be reached.
+/// The views that take away most uncertainty of all streams together per second of robot time, the
+/// probability of detection allowed for; each is chosen as if those before it had been made. Then the order
+/// in which the arm travels least. Empty if no candidate can be reached.
 ///
-/// Board poses are drawn over image position, distance, tilt and roll of every viewer (Halton, "On the efficiency of
-/// certain quasi-random sequences of points", 1960).
+/// Board poses are drawn over image position, distance, tilt and roll of every viewer (Halton, "On the
+/// efficiency of certain quasi-random sequences of points", 1960).
 ///
 /// @param forecast of the joint solution, in units of information; see there.
 /// @param current_q where the arm stands.
 [[nodiscard]] std::vector<InformativeView> informativeViews(const calib::Forecast& forecast,
-                                                            const std::vector<Viewer>& viewers, const BoardSpec& board,
-                                                            const robot::Guard& guard, const Eigen::VectorXd& current_q,
+                                                            const std::vector<Viewer>& viewers,
+                                                            const BoardSpec& board, const robot::Guard& guard,
+                                                            const Eigen::VectorXd& current_q,
                                                             const InformativeOptions& options);
 
 }  // namespace servocal::plan
