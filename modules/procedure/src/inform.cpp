@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Views by information: what is known so far -> the stops that tell most -> servo, settle, observe -> know
-// more.
+// Views by information: what is known so far -> the stops that tell most -> servo, settle, observe.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -16,8 +15,7 @@ namespace servocal::procedure {
 namespace {
 
 constexpr const char* kStage = "inform";
-constexpr double kLeastGain =
-    0.1;  // of a stop: a twentieth off one standard deviation that is still too large
+constexpr double kLeastGain = 0.1;  // of a stop: a twentieth off one standard deviation still too large
 constexpr double kFarRatio = 1.5;              // far limit of the distances over the far views' least one
 constexpr double kPlanMarginOfHeight = 0.012;  // A little more than the drive keeps.
 
@@ -27,8 +25,8 @@ using calib::JointSolution;
 /// Everything known so far, with the data sheets as priors.
 struct Estimate {
   JointSolution plain;  // The arm as it reports: stops can be forecast.
-  std::optional<JointSolution>
-      judged;  // Its geometry in doubt, which makes all of it less certain; what counts.
+  // Its geometry in doubt, which makes all of it less certain: what counts.
+  std::optional<JointSolution> judged;
   const JointSolution& counts() const { return judged ? *judged : plain; }
 };
 
