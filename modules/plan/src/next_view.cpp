@@ -37,6 +37,18 @@ std::vector<Eigen::Matrix3d> orientations(const PlanOptions& options) {
 
 }  // namespace
 
+PlanOptions coveragePlan(const CoverageConfig& config, const CameraModel& camera, double detectable_tilt_rad) {
+  constexpr double kUsefulTiltRad = 40.0 * M_PI / 180.0;  // More adds little.
+  constexpr double kMarginOfHeight = 0.022;               // 24 px of 1080
+  PlanOptions options;
+  options.max_obliquity_rad = detectable_tilt_rad;
+  options.tilt_rad = std::min(kUsefulTiltRad, detectable_tilt_rad);
+  options.image_margin_px = kMarginOfHeight * camera.height_px;
+  options.distances_m = {config.near_distance_m, 1.08 * config.distance_ratio * config.near_distance_m,
+                         1.3 * config.distance_ratio * config.near_distance_m};
+  return options;
+}
+
 NextView nextView(const coverage::Coverage& coverage, const Belief& belief, const BoardSpec& board,
                   const robot::Guard& guard, const Eigen::VectorXd& current_q, const Eigen::VectorXd& start_q,
                   const std::vector<Pose<Color, Board>>& tried, const PlanOptions& options) {

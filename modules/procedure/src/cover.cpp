@@ -14,7 +14,6 @@ namespace {
 
 constexpr double kDegree = M_PI / 180.0;
 constexpr int kTries = 3;         // for one image cell, or for distances and tilts, before they count as out of reach
-constexpr double kPlanMarginOfHeight = 0.022;  // 24 px of 1080
 
 /// The largest angle at which the board is sure to be detected, by the tilt search.
 double detectableTilt(const std::vector<TiltLimit>& limits) {
@@ -28,13 +27,7 @@ double detectableTilt(const std::vector<TiltLimit>& limits) {
 }
 
 plan::PlanOptions planOptions(const CoverageConfig& config, const Eye& eye) {
-  plan::PlanOptions options;
-  options.max_obliquity_rad = detectableTilt(eye.tilt_limits);
-  options.tilt_rad = std::min(40 * kDegree, options.max_obliquity_rad);  // More adds little.
-  options.image_margin_px = kPlanMarginOfHeight * eye.model().height_px;
-  options.distances_m = {config.near_distance_m, 1.08 * config.distance_ratio * config.near_distance_m,
-                         1.3 * config.distance_ratio * config.near_distance_m};
-  return options;
+  return plan::coveragePlan(config, eye.model(), detectableTilt(eye.tilt_limits));
 }
 
 /// Drives the board to what `coverage` lacks, at most `max_views` times. A coverage of its own, not the eye's,

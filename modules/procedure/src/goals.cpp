@@ -2,8 +2,8 @@
 #include "goals.h"
 
 #include <algorithm>
-#include <cstdarg>
-#include <cstdio>
+
+#include "format.h"
 
 namespace servocal::procedure {
 namespace {
@@ -12,15 +12,6 @@ constexpr double kBelievedZ = 2.0;  // of views not seen, over what was claimed
 // Of what two independent halves differ by, likewise. It is mostly one corner of the image: twice as much
 // comes by chance in one of ten cells of three cameras.
 constexpr double kBelievedHalves = 3.0;
-
-std::string format(const char* pattern, ...) {
-  char text[320];
-  va_list arguments;
-  va_start(arguments, pattern);
-  std::vsnprintf(text, sizeof text, pattern, arguments);
-  va_end(arguments);
-  return text;
-}
 
 }  // namespace
 

@@ -3,24 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 
+#include "format.h"
 #include "servocal/core/pose.h"
 
 namespace servocal::procedure {
 namespace {
 
 constexpr double kRadToDeg = 180.0 / M_PI;
-
-[[gnu::format(printf, 1, 2)]] std::string format(const char* pattern, ...) {
-  char buffer[512];
-  va_list arguments;
-  va_start(arguments, pattern);
-  std::vsnprintf(buffer, sizeof buffer, pattern, arguments);
-  va_end(arguments);
-  return buffer;
-}
 
 /// "5 of 6"
 std::string usedOfFound(const std::vector<ViewResidual>& views) {

@@ -17,17 +17,6 @@ constexpr double kTiltTurnsDeg =
 constexpr int kTiltStops = 2 * 3 + 4 * 5;
 constexpr double kFarEnoughM = 0.1;  // Distances are exact up to here.
 
-// What the run plans with (procedure's coverage stage).
-plan::PlanOptions planOptions(const CoverageConfig& config, const CameraModel& camera) {
-  plan::PlanOptions options;
-  options.max_obliquity_rad = 75 * kDegree;
-  options.tilt_rad = 40 * kDegree;
-  options.image_margin_px = 0.022 * camera.height_px;
-  options.distances_m = {config.near_distance_m, 1.08 * config.distance_ratio * config.near_distance_m,
-                         1.3 * config.distance_ratio * config.near_distance_m};
-  return options;
-}
-
 std::vector<Eigen::Vector2d> cornersIn(const CameraModel& camera, const BoardSpec& board,
                                        const Pose<Color, Board>& cMo) {
   std::vector<Eigen::Vector2d> pixels;
@@ -136,7 +125,7 @@ PlannedStop Pencil::goTo(const std::string& what, const Pose<Base, EndEffector>&
 PlannedCamera planCamera(const CellConfig& cell, const CameraConfig& camera, const plan::Belief& belief,
                          Pencil& pencil) {
   const CoverageConfig& config = cell.coverage;
-  const plan::PlanOptions options = planOptions(config, belief.camera);
+  const plan::PlanOptions options = plan::coveragePlan(config, belief.camera, 75 * kDegree);
   PlannedCamera planned;
   planned.camera = camera.name;
   const Pose<Color, Board> facing(Eigen::Matrix3d::Identity(), {0.0, 0.0, 1.1 * config.near_distance_m});

@@ -44,6 +44,11 @@ std::string text(const CellConfig& cell, const DryRun& plan) {
   text +=
       "Distances are to what the guard knows: the arm's links by its URDF, the board once its place on the\n"
       "flange is known, keep-out boxes, and a ball around every camera that is known.\n\n";
+  if (cell.planner.choose_by == Planner::kInformation) {
+    text +=
+        "The cell's planner goes by information: its views follow from what the run has seen. Those below are what\n"
+        "covering every image would take, more than it will.\n\n";
+  }
   for (const PlannedStop& stop : plan.start) text += stopLine(stop);
   for (const PlannedCamera& camera : plan.cameras) {
     text += "\nCamera '" + camera.camera + "'";

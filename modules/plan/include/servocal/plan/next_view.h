@@ -32,6 +32,9 @@ struct PlanOptions {
   double min_singular_value = 0.03;     ///< Of the Jacobian on the way; below it the arm is near singular.
 };
 
+/// What the coverage stage plans with: distances by the cell file, leans that a detector bears up to `detectable_tilt_rad`.
+PlanOptions coveragePlan(const CoverageConfig& config, const CameraModel& camera, double detectable_tilt_rad);
+
 /// A view worth driving to, and how.
 struct PlannedView {
   Pose<Color, Board> cdMo;
