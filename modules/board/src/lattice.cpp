@@ -85,19 +85,22 @@ class Linker {
 
   // Follows ray k of saddle `from` until the next saddle point, or until the edge ends or is too long.
   Link follow(int from, int k) const {
-    constexpr float kStep = 1.5f;   // px
-    constexpr float kBlind = 3.0f;  // px; next to a corner its other edge disturbs.
+    constexpr float kStep = 1.5f;    // px; farther from the corner, where the direction is known,
+    constexpr float kStride = 2.0f;  // so many: the next corner is still met within 2.5 px.
+    constexpr float kKnown = 6.0f;   // px
+    constexpr float kBlind = 3.0f;   // px; next to a corner its other edge disturbs.
     constexpr int kMaxMisses = 3;
     const Saddle& start = saddles_[from];
     const int side = start.raySide(k);
     const float least_step = 0.25f * start.contrast;
     Vector2f direction = start.rays[k];
     Vector2f p = start.pixel;
+    float gone = 0;
     int misses = 0;
     while (true) {
-      p += kStep * direction;
+      p += (gone > kKnown ? kStride : kStep) * direction;
       if (!inside(p)) return {};
-      const float gone = (p - start.pixel).norm();
+      gone = (p - start.pixel).norm();
       if (gone > longest_px_) return {};
       const Link link = arrival(from, side, p, gone);
       if (link.node >= 0) return link;
@@ -120,7 +123,7 @@ class Linker {
       }
       p += 0.5f * std::clamp(moment / weight, -1.0f, 1.0f) * normal;
       // The longer the way, the better the direction is known from its two ends.
-      if (gone > 6.0f) direction = (p - start.pixel).normalized();
+      if (gone > kKnown) direction = (p - start.pixel).normalized();
     }
   }
 
@@ -308,8 +311,8 @@ std::vector<Saddle> withoutTwins(const cv::Size& size, const std::vector<Saddle>
   return kept;
 }
 
-std::vector<Lattice> findLattices(const cv::Mat& smoothed, const std::vector<Saddle>& saddles,
-                                  int min_nodes, float longest_px) {
+std::vector<Lattice> findLattices(const cv::Mat& smoothed, const std::vector<Saddle>& saddles, int min_nodes,
+                                  float longest_px) {
   const int count = static_cast<int>(saddles.size());
   if (count < min_nodes) return {};
   const Linker linker(smoothed, saddles, longest_px);
@@ -395,8 +398,8 @@ std::vector<Lattice> findLattices(const cv::Mat& smoothed, const std::vector<Sad
   return lattices;
 }
 
-std::vector<Lattice> growLattices(const cv::Mat& smoothed, const std::vector<Saddle>& saddles,
-                                  int min_nodes, float longest_px) {
+std::vector<Lattice> growLattices(const cv::Mat& smoothed, const std::vector<Saddle>& saddles, int min_nodes,
+                                  float longest_px) {
   const float reach = std::min(20.0f, longest_px);  // Farther apart, edges are followed more surely.
   constexpr std::size_t kMostPairs = 5;
   const int count = static_cast<int>(saddles.size());

@@ -10,9 +10,10 @@
 namespace servocal::board {
 namespace {
 
-constexpr int kBorder = 4;           // Ring radius 3, plus one for derivatives.
-constexpr int kMinResponse = 12;     // About 13 gray levels of contrast in a sharp image.
-constexpr std::size_t kMaxPeaks = 40000;  // Bounds the time spent on pure noise.
+constexpr int kBorder = 4;        // Ring radius 3, plus one for derivatives.
+constexpr int kMinResponse = 12;  // About 13 gray levels of contrast in a sharp image.
+constexpr std::size_t kMaxPeaks =
+    16000;  // Bounds the time spent on noise: a corner responds far more strongly.
 
 struct Peak {
   int x, y, response;
@@ -106,10 +107,10 @@ std::vector<Peak> findPeaks(const cv::Mat& smoothed) {
 
 // A circle of integer offsets, the first half; the second half mirrors it.
 struct Ring {
-  int half;                             // Number of offsets in half the circle.
+  int half;  // Number of offsets in half the circle.
   std::array<std::array<int, 2>, 8> at;
-  std::array<float, 8> cos2, sin2;      // Of twice the angle.
-  std::array<float, 8> weight;          // Share of half the circle; they sum to one.
+  std::array<float, 8> cos2, sin2;  // Of twice the angle.
+  std::array<float, 8> weight;      // Share of half the circle; they sum to one.
 };
 
 Ring makeRing(std::vector<std::array<int, 2>> offsets) {
@@ -140,7 +141,8 @@ const Ring& smallRing() {
 }
 
 // Fills rays, side and contrast if the ring around the peak shows four sectors.
-bool verifyRing(const cv::Mat& smoothed, const Peak& peak, const Ring& ring, float least_contrast, Saddle& saddle) {
+bool verifyRing(const cv::Mat& smoothed, const Peak& peak, const Ring& ring, float least_contrast,
+                Saddle& saddle) {
   const int stride = static_cast<int>(smoothed.step1());
   const short* centre = smoothed.ptr<short>(peak.y) + peak.x;
   const float middle = *centre;
@@ -257,8 +259,8 @@ cv::Mat smooth(const cv::Mat& gray) {
 #if CV_SIMD128
     using namespace cv;
     for (; x + 8 <= width; x += 8) {
-      const v_uint16x8 total = v_load_expand(above + x) + v_load_expand(below + x) +
-                               v_shl<1>(v_load_expand(row + x));
+      const v_uint16x8 total =
+          v_load_expand(above + x) + v_load_expand(below + x) + v_shl<1>(v_load_expand(row + x));
       v_store(sum + x, v_reinterpret_as_s16(total));
     }
 #endif

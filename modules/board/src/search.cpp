@@ -34,10 +34,10 @@ std::optional<Found> examine(const cv::Mat& gray, const Checkerboard& board, dou
   return found;
 }
 
-// Bounds the time spent on a texture: clutter has half as many, and black on white has as much contrast as anything in
-// its light.
+// Bounds the time spent on a texture: clutter has at most two thirds of them, and black on white has as much
+// contrast as anything in its light.
 std::vector<Saddle> clearest(std::vector<Saddle> saddles) {
-  constexpr std::size_t kMostSaddles = 4000;
+  constexpr std::size_t kMostSaddles = 3000;
   if (saddles.size() <= kMostSaddles) return saddles;
   std::nth_element(saddles.begin(), saddles.begin() + kMostSaddles, saddles.end(),
                    [](const Saddle& a, const Saddle& b) { return a.contrast > b.contrast; });
@@ -84,7 +84,7 @@ std::optional<Found> searchBoard(const cv::Mat& gray, const Checkerboard& board,
   constexpr double kSureSpacingPx = 6.0;
   // Squares larger than this are seen well enough a level coarser, if that was searched: the straight lines
   // of tiles and buildings need not be followed across the whole image again.
-  constexpr float kLongestAgainPx = 48.0f;
+  constexpr float kLongestAgainPx = 44.0f;
   std::optional<Found> best;
   const int min_nodes = std::max(4, board.cornerCount() * 7 / 10);
   for (const auto& find : {findLattices, growLattices}) {

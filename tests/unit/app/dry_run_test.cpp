@@ -67,6 +67,13 @@ TEST_F(DryRunOf, AKnownCellHasItsViewsPlannedAsTheRunWould) {
   EXPECT_DOUBLE_EQ(plan.duration_s, before_s);
 }
 
+TEST_F(DryRunOf, ACellThatGoesByInformationIsToldThatItsViewsFollowFromTheRun) {
+  const std::string sentence = "planner goes by information";
+  EXPECT_EQ(text(cell, dryRun(cell, result)).find(sentence), std::string::npos);
+  cell.planner.choose_by = Planner::kInformation;
+  test::expectPart(text(cell, dryRun(cell, result)), sentence);
+}
+
 TEST_F(DryRunOf, WhatIsInTheWayIsNamed) {
   const Eigen::Vector3d flange = truth.bMe().translation();
   cell.limits.keep_out.push_back(

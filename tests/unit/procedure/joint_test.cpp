@@ -150,6 +150,37 @@ TEST(SolveJointly, CorrectsTheArmsGeometryWhereTheViewsSupportIt) {
             << " px; " << corrected.result->model << '\n';
 }
 
+// Too few stops to correct the arm's geometry by: the cameras are where they were found without it, and the
+// claim counts what the arm may be off by.
+TEST(SolveJointly, CountsTheArmsAccuracyWhereItsGeometryIsNotCorrected) {
+  Recorded recorded = record(18);
+  const ArmConfig arm;
+  const robot::Kinematics kinematics(arm);
+  Eigen::VectorXd seed(6);
+  seed << 0.0, -1.5, 1.5, -1.5, -1.5, 0.0;
+  std::vector<Observation> reached;
+  for (Observation& observation : recorded.observations) {
+    const auto q = kinematics.inverse(observation.robot->bMe, seed);
+    if (!q) continue;
+    observation.robot->q = *q;
+    reached.push_back(observation);
+  }
+  ASSERT_GT(reached.size(), 12u);
+  SolveOptions options = declared();
+  const JointAnswer exact = solveJointly(recorded.cell.board, reached, {}, options);
+  options.arm = arm;
+  const JointAnswer honest = solveJointly(recorded.cell.board, reached, {}, options);
+  ASSERT_TRUE(exact.result && honest.result) << exact.problem << honest.problem;
+  ASSERT_TRUE(honest.result->robot_terms.empty()) << honest.result->model;
+  for (std::size_t k = 0; k < exact.result->cameras.size(); ++k) {
+    const JointCameraResult& without = exact.result->cameras[k];
+    const JointCameraResult& with = honest.result->cameras[k];
+    EXPECT_LT((with.pose.translation() - without.pose.translation()).norm(), 1e-9);
+    EXPECT_GT(with.pose_covariance.topLeftCorner<3, 3>().trace(),
+              1.5 * without.pose_covariance.topLeftCorner<3, 3>().trace());
+  }
+}
+
 TEST(SolveJointly, SaysWhyThereIsNoAnswer) {
   Recorded recorded = record(25);
   std::vector<Observation> few(recorded.observations.begin(), recorded.observations.begin() + 2);
