@@ -25,7 +25,8 @@ struct Lattice {
 std::vector<Saddle> withoutTwins(const cv::Size& size, const std::vector<Saddle>& saddles);
 
 /// Follows the edges that leave each saddle point to the next saddle point and numbers what is connected.
-/// Lattices of fewer than `min_nodes` are dropped; largest first. Edges longer than `longest_px` are given up.
+/// Lattices of fewer than `min_nodes` are dropped; largest first. Edges longer than `longest_px` are given
+/// up.
 std::vector<Lattice> findLattices(const cv::Mat& smoothed, const std::vector<Saddle>& saddles, int min_nodes,
                                   float longest_px);
 
