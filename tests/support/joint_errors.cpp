@@ -24,6 +24,52 @@ Eigen::Isometry3d truePose(const sim::Truth& truth, const JointCameraResult& cam
   return (bMc * truth.cMi(camera.camera)).isometry();
 }
 
+/// How the base that the arm's reports are in lies in the true one: together with a pose of what the flange
+/// holds, as free as it, the least squares of reported against true flange poses at the stops. To first
+/// order.
+Eigen::Isometry3d reportedBase(const sim::Truth& truth, const std::vector<Observation>& observations) {
+  constexpr double kLeverM = 0.3;  // Weighs rotations: the board's and the cameras' distance from the flange.
+  std::vector<const RobotState*> stops;
+  for (const Observation& observation : observations) {
+    if (observation.robot) stops.push_back(&*observation.robot);
+  }
+  const auto rows = static_cast<Eigen::Index>(6 * stops.size());
+  Eigen::MatrixXd by_poses =
+      Eigen::MatrixXd::Zero(rows, 12);  // base: displacement, turn; flange: the same, in e
+  Eigen::VectorXd off(rows);
+  for (std::size_t i = 0; i < stops.size(); ++i) {
+    const auto row = static_cast<Eigen::Index>(6 * i);
+    const Pose<Base, EndEffector>& reported = stops[i]->bMe;
+    const Pose<Base, EndEffector> real = truth.bMe(stops[i]->q);
+    const Eigen::Matrix3d bRe = reported.rotation();
+    off.segment<3>(row) = real.translation() - reported.translation();
+    off.segment<3>(row + 3) =
+        kLeverM *
+        Pose<Base, Base>(Eigen::Matrix3d(real.rotation() * bRe.transpose()), {0, 0, 0}).rotationVector();
+    by_poses.block<3, 3>(row, 0).setIdentity();
+    for (int axis = 0; axis < 3; ++axis)
+      by_poses.block<3, 1>(row, 3 + axis) = Eigen::Vector3d::Unit(axis).cross(reported.translation());
+    by_poses.block<3, 3>(row + 3, 3) = kLeverM * Eigen::Matrix3d::Identity();
+    by_poses.block<3, 3>(row, 6) = bRe;
+    by_poses.block<3, 3>(row + 3, 9) = kLeverM * bRe;
+  }
+  const Eigen::VectorXd best = by_poses.completeOrthogonalDecomposition().solve(off);
+  return Pose<Base, Base>::fromRotationVector(best.segment<3>(3), best.head<3>()).isometry();
+}
+
+/// Displacement and rotation vector of an estimate against the truth, in the base.
+Eigen::Matrix<double, 6, 1> offBy(const Eigen::Isometry3d& estimate, const Eigen::Isometry3d& truth) {
+  Eigen::Matrix<double, 6, 1> off;
+  off << estimate.translation() - truth.translation(),
+      Pose<Base, Base>(Eigen::Matrix3d(estimate.linear() * truth.linear().transpose()), {0, 0, 0})
+          .rotationVector();
+  return off;
+}
+
+double zOf(const Eigen::Matrix<double, 6, 1>& off, const Eigen::Matrix<double, 6, 6>& covariance) {
+  return std::sqrt(off.dot(covariance.ldlt().solve(off)) / 6);
+}
+
 /// The truth as a solution with the parameters that the estimate has, and the covariance of the bound.
 calib::JointSolution boundOf(const CellConfig& cell, const sim::Truth& truth, const CalibrationResult& result,
                              const std::vector<Observation>& observations) {
@@ -87,19 +133,21 @@ std::vector<JointErrors> jointErrors(const CellConfig& cell, const sim::Truth& t
   std::vector<JointErrors> out;
   if (!result.joint) return out;
   const calib::JointSolution bound = boundOf(cell, truth, result, observations);
+  const Eigen::Isometry3d base = reportedBase(truth, observations);
   for (std::size_t k = 0; k < result.joint->cameras.size(); ++k) {
     const JointCameraResult& estimate = result.joint->cameras[k];
     const calib::JointCamera& known = bound.cameras[k];
     JointErrors errors;
     errors.camera = estimate.camera;
     errors.stream = estimate.stream;
-    Eigen::Matrix<double, 6, 1> off;
-    off << estimate.pose.translation() - known.pose.translation(),
-        Pose<Base, Base>(Eigen::Matrix3d(estimate.pose.linear() * known.pose.linear().transpose()), {0, 0, 0})
-            .rotationVector();
+    const auto off = offBy(estimate.pose, known.pose);
     errors.pose_m = off.head<3>().norm();
     errors.pose_rad = off.tail<3>().norm();
-    errors.pose_z = std::sqrt(off.dot(estimate.pose_covariance.ldlt().solve(off)) / 6);
+    errors.pose_z = zOf(off, estimate.pose_covariance);
+    const auto off_reported = offBy(estimate.pose, base.inverse() * known.pose);
+    errors.reported_m = off_reported.head<3>().norm();
+    errors.reported_rad = off_reported.tail<3>().norm();
+    errors.reported_z = zOf(off_reported, estimate.pose_covariance);
     errors.error_px = worstErrorPx(estimate, known);
     errors.claim_px = estimate.at_range.worst_px;
     errors.bound_px = calib::projectionMap(bound, known, calib::Anchor::kBase, estimate.range_m).worst_px;

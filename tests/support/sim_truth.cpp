@@ -72,6 +72,10 @@ Pose<Base, EndEffector> Truth::bMe(Instant instant) const {
   return Pose<Base, EndEffector>(impl_->arm->flangeAt(instant));
 }
 
+Pose<Base, EndEffector> Truth::bMe(const Eigen::VectorXd& q) const {
+  return Pose<Base, EndEffector>(impl_->arm->flangeOf(q));
+}
+
 Eigen::VectorXd Truth::q() const { return q(impl_->clock.now()); }
 Eigen::VectorXd Truth::q(Instant instant) const { return impl_->arm->jointsAt(instant); }
 

@@ -44,6 +44,8 @@ class Truth {
   /// differs by its kinematic errors and its repeatability.
   Pose<Base, EndEffector> bMe() const;
   Pose<Base, EndEffector> bMe(Instant instant) const;
+  /// Where it really is at these joint angles, but for repeatability.
+  Pose<Base, EndEffector> bMe(const Eigen::VectorXd& q) const;
   /// Joint angles without encoder noise.
   Eigen::VectorXd q() const;
   Eigen::VectorXd q(Instant instant) const;

@@ -32,6 +32,8 @@ class SimulatedArm final : public robot::Arm, public MovingArm {
   void stop(robot::MotionKey) override;
 
   Eigen::Isometry3d flangeAt(Instant instant) override;
+  /// Where the flange is at these joint angles, but for repeatability.
+  Eigen::Isometry3d flangeOf(const Joints& q) const { return real_->forward(q); }
   /// Joint angles at that instant, without encoder noise.
   Joints jointsAt(Instant instant);
   std::vector<Eigen::Isometry3d> nominalFrames(Instant instant) override;
