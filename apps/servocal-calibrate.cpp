@@ -90,13 +90,17 @@ int main(int argc, char** argv) {
   cli.add_flag("--arm", arm_options.arm,
                "Let a real arm move; asks for its serial number at the terminal first");
   procedure::CalibrateOptions options;
-  std::filesystem::path intrinsics_from;
+  std::filesystem::path intrinsics_from, earlier_from;
   app::CameraOptions camera_options;
   cli.add_flag("--lock-exposure", camera_options.lock_exposure,
                "Keep exposure and white balance as they are after 2 s");
   cli.add_option("--camera", options.cameras, "Only these cameras, by name");
   cli.add_option("--intrinsics", intrinsics_from,
                  "Result file whose intrinsics are believed instead of solved");
+  cli.add_option(
+      "--known", earlier_from,
+      "Result file or session of an earlier run of this cell: its board mount and tilt limits are\n"
+      "believed instead of sought");
   cli.add_flag("--hand-eye-only", options.hand_eye_only,
                "Only where the cameras stand: no tilt limits, no coverage")
       ->needs("--intrinsics");
@@ -117,6 +121,7 @@ int main(int argc, char** argv) {
       "  $ servocal-calibrate --out runs/first --seed 1 --live\n"
       "  $ servocal-calibrate --out runs/moved --camera left --hand-eye-only --intrinsics "
       "runs/first/result.yaml\n"
+      "  $ servocal-calibrate --out runs/again --known runs/first\n"
       "  $ servocal-calibrate --resume runs/first\n"
       "  $ servocal-calibrate ur5.yaml --dry-run --result runs/first\n"
       "  $ servocal-calibrate ur5.yaml --out runs/real --arm\n\n"
@@ -133,6 +138,7 @@ int main(int argc, char** argv) {
     for (const std::string& name : options.cameras) demandCamera(cell, name);
     if (!intrinsics_from.empty())
       options.given_intrinsics = procedure::intrinsicsOf(session::loadResult(intrinsics_from));
+    if (!earlier_from.empty()) options.known = earlierResult(earlier_from);
     arm_options.seed = seed;
     app::CellArm arm(cell, arm_options);
     const app::Cameras cameras(cell, arm.clock(), arm.simulation(), camera_options);

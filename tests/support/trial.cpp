@@ -83,7 +83,8 @@ CameraErrors errorsOf(const sim::Truth& truth, const CameraResult& camera, Insta
 
 }  // namespace
 
-Trial runTrial(const CellConfig& cell, std::uint64_t seed, const std::filesystem::path& folder) {
+Trial runTrial(const CellConfig& cell, std::uint64_t seed, const std::filesystem::path& folder,
+               const procedure::CalibrateOptions& options) {
   const auto wall_begin = std::chrono::steady_clock::now();
   const double cpu_begin = cpuSeconds();
   sim::Cell simulation(cell, seed);
@@ -95,7 +96,7 @@ Trial runTrial(const CellConfig& cell, std::uint64_t seed, const std::filesystem
     procedure::Devices devices{simulation.clock(), guard, {}};
     for (const CameraConfig& camera : cell.cameras) devices.cameras.push_back(&simulation.camera(camera.name));
     auto session = session::Session::create(folder, cell.text, cell.board, seed);
-    trial.result = procedure::calibrate(cell, devices, session, {});
+    trial.result = procedure::calibrate(cell, devices, session, {}, options);
     for (const Attempt& attempt : session.attempts()) {
       trial.target_losses += attempt.stage != "tilt" && attempt.status == DriveStatus::kTargetLost;
     }

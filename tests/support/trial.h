@@ -12,6 +12,7 @@
 #include "joint_errors.h"
 #include "servocal/core/cell_config.h"
 #include "servocal/core/result.h"
+#include "servocal/procedure/calibrate.h"
 
 namespace servocal::test {
 
@@ -48,6 +49,7 @@ struct Trial {
 };
 
 /// Calibrates `cell` with `seed`; the session goes to `folder`.
-Trial runTrial(const CellConfig& cell, std::uint64_t seed, const std::filesystem::path& folder);
+Trial runTrial(const CellConfig& cell, std::uint64_t seed, const std::filesystem::path& folder,
+               const procedure::CalibrateOptions& options = {});
 
 }  // namespace servocal::test

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The same run in other cells and with other wishes: cameras that must be found first, a region of the image, a camera
-// on the flange, another arm, clocks that are off.
+// The same run in other cells and with other wishes: cameras that must be found first, a region of the image,
+// a camera on the flange, another arm, clocks that are off.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -8,6 +8,9 @@
 
 #include "cells.h"
 #include "default_sim.h"
+#include "servocal/core/error.h"
+#include "servocal/session/session.h"
+#include "sim_truth.h"
 #include "temporary_folder.h"
 #include "trial.h"
 
@@ -53,7 +56,8 @@ TEST(Modes, TheArmLooksForACameraThatDoesNotSeeTheBoardAtTheStart) {
   expectCalibrated(run(cell));
 }
 
-// The same camera to 1 px and 1 mm in fewer stops than coverage takes; and what is missing if it may not have them.
+// The same camera to 1 px and 1 mm in fewer stops than coverage takes; and what is missing if it may not have
+// them.
 TEST(Modes, ViewsAreChosenByInformationUntilItIsGoodEnough) {
   CellConfig cell = test::oneCameraCell();
   cell.planner.choose_by = Planner::kInformation;
@@ -74,6 +78,46 @@ TEST(Modes, ViewsAreChosenByInformationUntilItIsGoodEnough) {
   EXPECT_TRUE(names(short_of, "wanted are 0.01 px; the budget of 3 views"));
 }
 
+// An earlier run tells the mount and the tilt limits: neither probing motions nor a tilt search, and a mount
+// that is not as it was is found all the same.
+TEST(Modes, WhatAnEarlierRunFoundIsNotSoughtAgain) {
+  const CellConfig cell = shortRun(test::oneCameraCell());
+  sim::Cell simulation(cell, 3);
+  const sim::Truth truth(simulation);
+  CameraResult earlier;
+  earlier.camera = cell.cameras[0].name;
+  earlier.hand_eye.emplace();
+  const Pose<EndEffector, Board> shifted(truth.eMo().rotation(),
+                                         truth.eMo().translation() + Eigen::Vector3d(0.006, 0.0, 0.0));
+  earlier.hand_eye->board_pose = shifted.isometry();
+  for (const char* direction : {"roll+", "roll-", "pitch+", "pitch-", "yaw+", "yaw-"})
+    earlier.tilt_limits.push_back({direction, 45 * kDegree, "cap", Stream::kColor});
+  procedure::CalibrateOptions options;
+  options.known.emplace();
+  options.known->board = cell.board;
+  options.known->cameras.push_back(earlier);
+
+  const test::TemporaryFolder folder;
+  const test::Trial trial = test::runTrial(cell, 3, folder.path() / "session", options);
+  expectCalibrated(trial);
+  EXPECT_EQ(trial.result.tilt_time_s, 0.0);
+  ASSERT_EQ(trial.result.cameras[0].tilt_limits.size(), 6u);
+  const auto session = session::Session::open(folder.path() / "session");
+  for (const Observation& observation : session.observations()) {
+    EXPECT_NE(observation.stage, "bootstrap");
+    EXPECT_NE(observation.stage, "tilt");
+  }
+  const Eigen::Vector3d found = trial.result.cameras[0].hand_eye->board_pose.translation();
+  EXPECT_LT((found - truth.eMo().translation()).norm(), 0.002);
+  const auto log = session.events();
+  EXPECT_TRUE(std::any_of(log.begin(), log.end(), [](const session::SessionEvent& line) {
+    return line.message.find("not mounted as the earlier result says") != std::string::npos;
+  }));
+
+  options.known->board = BoardSpec{Checkerboard{9, 7, 0.02, true}};
+  EXPECT_THROW(test::runTrial(cell, 3, folder.path() / "other", options), Error);
+}
+
 TEST(Modes, OnlyARegionOfTheImageNeedsToBeCovered) {
   CellConfig cell = test::oneCameraCell();
   cell.cameras[0].region = ImageRegion{640, 300, 640, 480};
@@ -92,7 +136,9 @@ TEST(Modes, ACameraOnTheFlangeWatchesABoardInTheCell) {
   EXPECT_TRUE(trial.result.cameras[0].depth);
 }
 
-TEST(Modes, AnArmOfSevenJointsByConfigurationAlone) { expectCalibrated(run(shortRun(loadCell(SERVOCAL_CELLS "/panda.yaml")))); }
+TEST(Modes, AnArmOfSevenJointsByConfigurationAlone) {
+  expectCalibrated(run(shortRun(loadCell(SERVOCAL_CELLS "/panda.yaml"))));
+}
 
 CellConfig withClock(FaultKind kind) {
   CellConfig cell = shortRun(test::oneCameraCell());
@@ -104,7 +150,8 @@ CellConfig withClock(FaultKind kind) {
   return cell;
 }
 
-// Stamps come from the camera's own clock, whatever that shows; what its data sheet has wrong is found by motion.
+// Stamps come from the camera's own clock, whatever that shows; what its data sheet has wrong is found by
+// motion.
 TEST(Modes, ACameraWhoseClockIsOffIsServedAlike) {
   const CellConfig cell = withClock(FaultKind::kClockOffset);
   const test::Trial trial = run(cell);

@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "goals.h"
+#include "known.h"
 #include "resume.h"
 #include "run.h"
 #include "servocal/procedure/solve.h"
@@ -102,9 +103,12 @@ CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, sess
   }
   Run run(cell, devices, session, on_event, options, on_look);
   const std::set<std::string> over = takeOver(run, session);
+  if (options.known) believeKnown(run, *options.known);
   std::vector<std::string> missing;
   double tilt_time_s = 0.0;
   const std::vector<Eye*> order = turns(run, missing);
+  // Where the mount is known, one view tells where the first camera stands.
+  if (run.eMo() && !order.empty() && !order.front()->bMc()) run.observe("find", *order.front());
   std::vector<Eye*> done;
   for (Eye* eye : order) {
     if (over.count(eye->camera()) > 0) {
@@ -134,6 +138,9 @@ CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, sess
     run.setEta(std::nullopt);
     run.report("solve", *done.front(), 0, 1, "Solving from " + std::to_string(run.observations().size()) + " observations.");
     result = solve(cell.board, run.observations(), solveOptions(run));
+    if (const auto changed = options.known ? mountChanged(*options.known, result) : std::nullopt) {
+      run.report("solve", *done.front(), 1, 1, *changed);
+    }
   }
   result.missing.insert(result.missing.begin(), missing.begin(), missing.end());
   if (by_information && result.joint) {

@@ -23,6 +23,7 @@ std::string optionsText(const CalibrateOptions& options) {
   for (const auto& [stream, model] : options.given_intrinsics) {
     text += ", intrinsics of " + stream.first + " " + toString(stream.second) + " given";
   }
+  if (options.known) text += ", mount and tilt limits known";
   return text;
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "servocal/calib/board_pose.h"
 #include "servocal/calib/intrinsics.h"
@@ -264,6 +265,13 @@ std::optional<std::string> Run::updateBelief(Eye& eye) {
   }
   believe(eye, *std::move(outcome.solution));
   return std::nullopt;
+}
+
+void Run::believeMount(const HandEyeSolution& solution) {
+  if (eMo_) return;
+  eMo_ = Pose<EndEffector, Board>(solution.board_pose);
+  eMo_sigma_m_ = std::numeric_limits<double>::infinity();  // Any eye's own finding replaces it.
+  keepClearOfWhatIsKnown();
 }
 
 void Run::believe(Eye& eye, HandEyeSolution solution) {

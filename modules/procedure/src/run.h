@@ -84,6 +84,8 @@ class Run {
   std::optional<std::string> updateBelief(Eye& eye);
   /// Takes over where an eye stands and the board sits.
   void believe(Eye& eye, HandEyeSolution solution);
+  /// Takes over where the board sits from elsewhere, if no eye has found it yet.
+  void believeMount(const HandEyeSolution& solution);
 
  private:
   struct Goal {

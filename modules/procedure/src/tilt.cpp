@@ -10,15 +10,16 @@ namespace servocal::procedure {
 namespace {
 
 constexpr double kDegree = M_PI / 180.0;
-constexpr int kStepDeg = 5;    // resolution of a limit
-constexpr int kStrideDeg = 15; // first strides; a board is lost once per direction either way
+constexpr int kStepDeg = 5;     // resolution of a limit
+constexpr int kStrideDeg = 15;  // first strides; a board is lost once per direction either way
 constexpr int kCapDeg = 75;
-constexpr int kUsefulCapDeg = 60;  // What tells most leans by 45 degrees against the image, a little more against the sight.
+constexpr int kUsefulCapDeg =
+    60;  // What tells most leans by 45 degrees against the image, a little more against the sight.
 
 struct Direction {
   const char* name;
   Eigen::Vector3d axis;  // in o: turns the board about its own centre
-  int cap_deg;  // a multiple of the stride
+  int cap_deg;           // a multiple of the stride
 };
 
 /// What one direction's search has found out about one stream.
@@ -47,10 +48,16 @@ bool sees(const Observation& observation, const Eye& eye) {
 void findTiltLimits(Run& run, Eye& color) {
   using Eigen::Vector3d;
   const int cap_deg = run.cell().planner.choose_by == Planner::kInformation ? kUsefulCapDeg : kCapDeg;
-  const std::vector<Direction> directions = {{"roll+", Vector3d::UnitZ(), 45},       {"roll-", -Vector3d::UnitZ(), 45},
-                                             {"pitch+", Vector3d::UnitX(), cap_deg}, {"pitch-", -Vector3d::UnitX(), cap_deg},
-                                             {"yaw+", Vector3d::UnitY(), cap_deg},   {"yaw-", -Vector3d::UnitY(), cap_deg}};
+  std::vector<Direction> directions = {
+      {"roll+", Vector3d::UnitZ(), 45},       {"roll-", -Vector3d::UnitZ(), 45},
+      {"pitch+", Vector3d::UnitX(), cap_deg}, {"pitch-", -Vector3d::UnitX(), cap_deg},
+      {"yaw+", Vector3d::UnitY(), cap_deg},   {"yaw-", -Vector3d::UnitY(), cap_deg}};
   const int planned = static_cast<int>(directions.size());
+  directions.erase(
+      std::remove_if(directions.begin(), directions.end(),
+                     [&](const Direction& direction) { return hasTiltLimit(color, direction.name); }),
+      directions.end());
+  if (directions.empty()) return;  // Known from an earlier run, or from this one's first part.
   Eye* const infrared = run.find(color.camera(), Stream::kInfrared);
 
   servo::DriveOptions step_options;
@@ -66,11 +73,11 @@ void findTiltLimits(Run& run, Eye& color) {
 
   for (const Direction& direction : directions) {
     if (color.tooLate()) break;
-    if (hasTiltLimit(color, direction.name)) continue;  // Of an earlier run.
     Limit color_limit, infrared_limit;
     std::string ended_by = "cap";
     // Strides until the board is lost, then single steps from the last place where it was seen.
-    for (int stride_deg = kStrideDeg, angle_deg = stride_deg; angle_deg <= direction.cap_deg; angle_deg += stride_deg) {
+    for (int stride_deg = kStrideDeg, angle_deg = stride_deg; angle_deg <= direction.cap_deg;
+         angle_deg += stride_deg) {
       const auto turn =
           Pose<Board, Board>::fromRotationVector(angle_deg * kDegree * direction.axis, Vector3d::Zero());
       const Pose<Color, Board> cdMo = cMo_facing * turn;
@@ -99,7 +106,8 @@ void findTiltLimits(Run& run, Eye& color) {
     }
     run.updateBelief(color);
     run.report("tilt", color, static_cast<int>(color.tilt_limits.size()), planned,
-               std::string(direction.name) + " " + std::to_string(color_limit.seen_deg) + " deg, ended by " + ended_by);
+               std::string(direction.name) + " " + std::to_string(color_limit.seen_deg) + " deg, ended by " +
+                   ended_by);
     run.moveTo(bMe_facing);
   }
 }

@@ -46,6 +46,9 @@ struct CalibrateOptions {
   GivenIntrinsics given_intrinsics;  ///< Believed instead of solved.
   std::string arm;                   ///< Model and serial number, kept in the session; it is resumed with no other.
   bool hand_eye_only = false;        ///< No tilt limits and no coverage: only where the cameras stand.
+  /// An earlier run of this cell: how the board is mounted and how far it can be tilted are believed instead of
+  /// sought. The views of this run correct the mount.
+  std::optional<CalibrationResult> known;
 };
 
 /// Calibrates the cameras of a cell: those that stand in it while the arm carries the board, or those on the flange
@@ -64,8 +67,8 @@ struct CalibrateOptions {
 /// Camera System", 2016, Algorithm 1.
 ///
 /// @throws Error kInterrupted when the operator stopped the run (the session keeps what was seen),
-///   kSafetyStop and kHardwareAbsent from the devices, kBadData from the disk or if something moved since the session
-///   to be resumed was interrupted, kRefusedToMove if arm, cameras or options are not that session's.
+///   kSafetyStop and kHardwareAbsent from the devices, kBadData from the disk, if something moved since the session
+///   to be resumed was interrupted or if the known result says nothing of this cell's mount, kRefusedToMove if arm, cameras or options are not that session's.
 CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, session::Session& session,
                             const EventSink& on_event, const CalibrateOptions& options = {},
                             const LookSink& on_look = {});
