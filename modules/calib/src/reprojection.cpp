@@ -45,40 +45,66 @@ void check(const ReprojectionOptions& options) {
   }
 }
 
-}  // namespace
-
-HandEyeOutcome solveHandEyeReprojection(const BoardSpec& board, const CameraModel& camera,
-                                        const std::vector<Observation>& observations,
-                                        const std::string& camera_name, Stream stream,
-                                        const ReprojectionOptions& options) {
-  check(options);
-  HandEyeSolution solution;
-  solution.mount = options.mount;
-  std::vector<HandEyeStop> views;
-  for (const Observation& observation : observations) {
-    if (!observation.robot) continue;
-    for (const StreamObservation& seen : observation.views) {
-      if (seen.camera != camera_name || seen.stream != stream) continue;
-      const Pose<Base, EndEffector>& bMe = observation.robot->bMe;
-      if (!bMe.isFinite()) {
-        throw std::invalid_argument("the robot pose of observation " + std::to_string(observation.id) +
-                                    " is not finite");
+/// One solve, step by step.
+class Solve {
+ public:
+  Solve(const BoardSpec& board_spec, const CameraModel& model, const std::vector<Observation>& observations,
+        const std::string& camera_name, Stream stream, const ReprojectionOptions& how)
+      : board(board_spec), camera(model), options(how), problem(board, camera, options) {
+    solution.mount = options.mount;
+    for (const Observation& observation : observations) {
+      if (!observation.robot) continue;
+      for (const StreamObservation& view : observation.views) {
+        if (view.camera != camera_name || view.stream != stream) continue;
+        const Pose<Base, EndEffector>& bMe = observation.robot->bMe;
+        if (!bMe.isFinite()) {
+          throw std::invalid_argument("the robot pose of observation " + std::to_string(observation.id) +
+                                      " is not finite");
+        }
+        const bool fixed = options.mount == Mount::kFixed;
+        views.push_back({&view.detection, fixed ? bMe.isometry() : bMe.inverse().isometry(),
+                         solution.views.size(), false});
+        const std::string& file = view.image_file.empty() ? observation.stage : view.image_file;
+        solution.views.push_back({observation.id, file, 0.0, true, ""});
       }
-      const bool fixed = options.mount == Mount::kFixed;
-      views.push_back(
-          {&seen.detection, fixed ? bMe.isometry() : bMe.inverse().isometry(), solution.views.size(), false});
-      const std::string& file = seen.image_file.empty() ? observation.stage : seen.image_file;
-      solution.views.push_back({observation.id, file, 0.0, true, ""});
+    }
+    seen_cMo.resize(views.size());
+    seen.assign(views.size(), false);
+  }
+
+  HandEyeOutcome run() {
+    if (options.start && !fitFromStart()) return outcome;
+    if (!solved && !fitFromClosedForm()) return outcome;
+    if (!solved->left_out.empty()) explain();
+    report();
+    outcome.status = HandEyeStatus::kSolved;
+    outcome.solution = std::move(solution);
+    return outcome;
+  }
+
+ private:
+  const BoardSpec& board;
+  const CameraModel& camera;
+  const ReprojectionOptions& options;
+  HandEyeProblem problem;
+  std::vector<HandEyeStop> views;
+  std::vector<Eigen::Isometry3d> seen_cMo;  // per view, the pose of its image alone
+  std::vector<bool> seen;
+  std::vector<CandidateView> candidates;  // filled only where they are needed
+  std::optional<GatedFit> solved;
+  HandEyeSolution solution;
+  HandEyeOutcome outcome;
+
+  void findCandidates() {
+    for (const HandEyeStop& view : views) {
+      candidates.push_back(
+          candidateView(board, problem.turns(), camera, *view.detection, Pose<Base, EndEffector>(view.lMr)));
     }
   }
 
-  HandEyeOutcome outcome;
-  HandEyeProblem problem(board, camera, options);
-  std::optional<GatedFit> solved;
-  std::vector<Eigen::Isometry3d> seen_cMo(views.size());  // per view, the pose of its image alone
-  std::vector<bool> seen(views.size(), false);
-
-  if (options.start) {
+  /// From a solution that is near, where all views agree with it. False if the outcome is settled: no
+  /// solution.
+  bool fitFromStart() {
     std::vector<Eigen::Matrix3d> rotations;
     HandEyeState state{options.start->camera_pose, options.start->board_pose, {}};
     std::vector<HandEyeStop> started;
@@ -108,26 +134,21 @@ HandEyeOutcome solveHandEyeReprojection(const BoardSpec& board, const CameraMode
       outcome.axis_spread = axisSpread(rotations, options.closed_form.min_rotation_rad);
       if (outcome.axis_spread < options.closed_form.min_axis_spread) {
         outcome.status = HandEyeStatus::kRotationAxesParallel;
-        return outcome;
+        return false;
       }
       solved = solveGated(problem, started, state, true);
       if (solved && solved->used.size() < 0.8 * views.size()) solved.reset();
     }
+    return true;
   }
 
-  std::vector<CandidateView> candidates;  // filled only where they are needed
-  const auto findCandidates = [&] {
-    for (const HandEyeStop& view : views) {
-      candidates.push_back(
-          candidateView(board, problem.turns(), camera, *view.detection, Pose<Base, EndEffector>(view.lMr)));
-    }
-  };
-  if (!solved) {
+  /// From nothing. False if the outcome is settled: no solution.
+  bool fitFromClosedForm() {
     findCandidates();
     HandEyeStart start = startHandEye(board, candidates, options.closed_form);
     outcome.status = start.status;
     outcome.axis_spread = start.axis_spread;
-    if (start.status != HandEyeStatus::kSolved) return outcome;
+    if (start.status != HandEyeStatus::kSolved) return false;
 
     std::vector<HandEyeStop> left_out;
     for (int round = 0; round < 2; ++round) {
@@ -160,13 +181,15 @@ HandEyeOutcome solveHandEyeReprojection(const BoardSpec& board, const CameraMode
       if (chosen.size() >= 3) solved = solveGated(problem, chosen, state, round > 0);
       if (chosen.size() < 3 || !solved) {
         outcome.status = HandEyeStatus::kInconsistent;
-        return outcome;
+        return false;
       }
     }
     solved->left_out.insert(solved->left_out.end(), left_out.begin(), left_out.end());
+    return true;
   }
 
-  if (!solved->left_out.empty()) {
+  /// Why views were left out; with keep_outliers they come in again.
+  void explain() {
     if (candidates.empty()) findCandidates();
     std::vector<Stop> stops;
     for (std::size_t i = 0; i < views.size(); ++i) {
@@ -178,57 +201,66 @@ HandEyeOutcome solveHandEyeReprojection(const BoardSpec& board, const CameraMode
     if (options.keep_outliers) keepAll(board, problem, views, candidates, *solved, seen_cMo, seen);
   }
 
-  // The same board, turned as the first view has it, if that would otherwise have to change its ids.
-  const HandEyeState& state = solved->fit.state;
-  const bool any_known = std::any_of(solved->used.begin(), solved->used.end(), [](const HandEyeStop& view) {
-    return view.detection->orientation_known;
-  });
-  const int first_turn = any_known ? 0 : solved->used.front().turn;
-  const Eigen::Isometry3d first_rotation = problem.turns().rotation(first_turn).isometry();
-  solution.camera_pose = state.lMc;
-  solution.board_pose = state.rMo * first_rotation;
-  for (const HandEyeStop& view : solved->used) {
-    const bool open = problem.turns().count(*view.detection) > 1;
-    solution.symmetric_views += open ? 1 : 0;
-    solution.resolved_turns += open && problem.turns().between(first_turn, view.turn) != 0 ? 1 : 0;
-    solution.resolved_flips += view.flipped ? 1 : 0;
-  }
-
-  const Eigen::MatrixXd covariance = scaledInverse(reducedMatrix(solved->fit.system));
-  const Eigen::VectorXd sigma = covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
-  solution.camera_sigma = sigma.head<6>();
-  solution.board_sigma = sigma.tail<6>();
-
-  double squares_px2 = 0, corners = 0, squares_m2 = 0, squares_rad2 = 0;
-  std::vector<Eigen::Isometry3d> seen_rMo;
-  for (std::size_t i = 0; i < solved->used.size(); ++i) {
-    const HandEyeStop& view = solved->used[i];
-    const Vector6d& correction = state.corrections[i];
-    const std::optional<ViewCost> cost = problem.viewCost(state, view, correction);
-    const auto count = static_cast<double>(view.detection->corners.size());
-    solution.views[view.report].rms_px = cost->rms_px;
-    squares_px2 += cost->rms_px * cost->rms_px * count;
-    corners += count;
-    squares_m2 += correction.head<3>().squaredNorm();
-    squares_rad2 += correction.tail<3>().squaredNorm();
-    if (seen[view.report]) {
-      seen_rMo.push_back(view.lMr.inverse() * state.lMc * seen_cMo[view.report] * first_rotation);
+  void report() {
+    // The same board, turned as the first view has it, if that would otherwise have to change its ids.
+    const HandEyeState& state = solved->fit.state;
+    const bool any_known = std::any_of(solved->used.begin(), solved->used.end(), [](const HandEyeStop& view) {
+      return view.detection->orientation_known;
+    });
+    const int first_turn = any_known ? 0 : solved->used.front().turn;
+    const Eigen::Isometry3d first_rotation = problem.turns().rotation(first_turn).isometry();
+    solution.camera_pose = state.lMc;
+    solution.board_pose = state.rMo * first_rotation;
+    for (const HandEyeStop& view : solved->used) {
+      const bool open = problem.turns().count(*view.detection) > 1;
+      solution.symmetric_views += open ? 1 : 0;
+      solution.resolved_turns += open && problem.turns().between(first_turn, view.turn) != 0 ? 1 : 0;
+      solution.resolved_flips += view.flipped ? 1 : 0;
     }
+
+    const Eigen::MatrixXd covariance = scaledInverse(reducedMatrix(solved->fit.system));
+    const Eigen::VectorXd sigma = covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
+    solution.camera_sigma = sigma.head<6>();
+    solution.board_sigma = sigma.tail<6>();
+
+    double squares_px2 = 0, corners = 0, squares_m2 = 0, squares_rad2 = 0;
+    std::vector<Eigen::Isometry3d> seen_rMo;
+    for (std::size_t i = 0; i < solved->used.size(); ++i) {
+      const HandEyeStop& view = solved->used[i];
+      const Vector6d& correction = state.corrections[i];
+      const std::optional<ViewCost> cost = problem.viewCost(state, view, correction);
+      const auto count = static_cast<double>(view.detection->corners.size());
+      solution.views[view.report].rms_px = cost->rms_px;
+      squares_px2 += cost->rms_px * cost->rms_px * count;
+      corners += count;
+      squares_m2 += correction.head<3>().squaredNorm();
+      squares_rad2 += correction.tail<3>().squaredNorm();
+      if (seen[view.report]) {
+        seen_rMo.push_back(view.lMr.inverse() * state.lMc * seen_cMo[view.report] * first_rotation);
+      }
+    }
+    for (const HandEyeStop& view : solved->left_out) {
+      const std::optional<ViewCost> cost = problem.viewCost(state, view, Vector6d::Zero());
+      if (cost) solution.views[view.report].rms_px = cost->rms_px;
+    }
+    if (options.keep_outliers) {
+      for (const HandEyeStop& view : solved->used) solution.views[view.report].used = true;
+    }
+    solution.rms_px = std::sqrt(squares_px2 / corners);
+    solution.robot_rms_m = std::sqrt(squares_m2 / solved->used.size());
+    solution.robot_rms_rad = std::sqrt(squares_rad2 / solved->used.size());
+    fillScatter(seen_rMo, solution);
   }
-  for (const HandEyeStop& view : solved->left_out) {
-    const std::optional<ViewCost> cost = problem.viewCost(state, view, Vector6d::Zero());
-    if (cost) solution.views[view.report].rms_px = cost->rms_px;
-  }
-  if (options.keep_outliers) {
-    for (const HandEyeStop& view : solved->used) solution.views[view.report].used = true;
-  }
-  solution.rms_px = std::sqrt(squares_px2 / corners);
-  solution.robot_rms_m = std::sqrt(squares_m2 / solved->used.size());
-  solution.robot_rms_rad = std::sqrt(squares_rad2 / solved->used.size());
-  fillScatter(seen_rMo, solution);
-  outcome.status = HandEyeStatus::kSolved;
-  outcome.solution = std::move(solution);
-  return outcome;
+};
+
+}  // namespace
+
+HandEyeOutcome solveHandEyeReprojection(const BoardSpec& board, const CameraModel& camera,
+                                        const std::vector<Observation>& observations,
+                                        const std::string& camera_name, Stream stream,
+                                        const ReprojectionOptions& options) {
+  check(options);
+  return Solve(board, camera, observations, camera_name, stream, options).run();
 }
 
 }  // namespace servocal::calib
