@@ -24,11 +24,15 @@ Eigen::Isometry3d truePose(const sim::Truth& truth, const JointCameraResult& cam
   return (bMc * truth.cMi(camera.camera)).isometry();
 }
 
-/// How the base that the arm's reports are in lies in the true one: together with a pose of what the flange
-/// holds, as free as it, the least squares of reported against true flange poses at the stops. To first
-/// order.
-Eigen::Isometry3d reportedBase(const sim::Truth& truth, const std::vector<Observation>& observations) {
+/// How the base that the arm's reports are in, corrected by what the estimate found of its geometry, lies in the
+/// true one: together with a pose of what the flange holds, as free as it, the least squares of those against
+/// the true flange poses at the stops. To first order.
+Eigen::Isometry3d reportedBase(const CellConfig& cell, const sim::Truth& truth, const JointResult& joint,
+                               const std::vector<Observation>& observations) {
   constexpr double kLeverM = 0.3;  // Weighs rotations: the board's and the cameras' distance from the flange.
+  const auto terms = joint.robot_terms.empty() ? std::nullopt : procedure::armTerms(cell.arm, observations);
+  Eigen::VectorXd found(static_cast<Eigen::Index>(joint.robot_terms.size()));
+  for (Eigen::Index i = 0; i < found.size(); ++i) found[i] = joint.robot_terms[i].second;
   std::vector<const RobotState*> stops;
   for (const Observation& observation : observations) {
     if (observation.robot) stops.push_back(&*observation.robot);
@@ -39,7 +43,12 @@ Eigen::Isometry3d reportedBase(const sim::Truth& truth, const std::vector<Observ
   Eigen::VectorXd off(rows);
   for (std::size_t i = 0; i < stops.size(); ++i) {
     const auto row = static_cast<Eigen::Index>(6 * i);
-    const Pose<Base, EndEffector>& reported = stops[i]->bMe;
+    Pose<Base, EndEffector> reported = stops[i]->bMe;
+    if (terms) {
+      const Eigen::Matrix<double, 6, 1> moved = terms->jacobian(*stops[i]) * found;
+      reported =
+          reported * Pose<EndEffector, EndEffector>::fromRotationVector(moved.tail<3>(), moved.head<3>());
+    }
     const Pose<Base, EndEffector> real = truth.bMe(stops[i]->q);
     const Eigen::Matrix3d bRe = reported.rotation();
     off.segment<3>(row) = real.translation() - reported.translation();
@@ -133,7 +142,7 @@ std::vector<JointErrors> jointErrors(const CellConfig& cell, const sim::Truth& t
   std::vector<JointErrors> out;
   if (!result.joint) return out;
   const calib::JointSolution bound = boundOf(cell, truth, result, observations);
-  const Eigen::Isometry3d base = reportedBase(truth, observations);
+  const Eigen::Isometry3d base = reportedBase(cell, truth, *result.joint, observations);
   for (std::size_t k = 0; k < result.joint->cameras.size(); ++k) {
     const JointCameraResult& estimate = result.joint->cameras[k];
     const calib::JointCamera& known = bound.cameras[k];

@@ -21,8 +21,8 @@ struct JointErrors {
   double pose_m = 0.0;  ///< Of this stream's own frame in the base, at its origin.
   double pose_rad = 0.0;
   double pose_z = 0.0;  ///< Root of the pose error's chi-square by the claimed covariance over its 6 degrees.
-  /// The same three in the base as the arm reports it: displaced and turned as fits its reports at the stops best,
-  /// which no view of the board can tell from cameras that stand elsewhere.
+  /// The same three in the base as the arm, with its geometry as estimated, reports it: displaced and turned as fits
+  /// those poses at the stops best, which no view of the board can tell from cameras that stand elsewhere.
   double reported_m = 0.0, reported_rad = 0.0, reported_z = 0.0;
   double error_px = 0.0;  ///< Worst error of projection: points of the base that are seen all over the image.
   double claim_px = 0.0;  ///< The claim of that (JointCameraResult::at_range), one sigma,
