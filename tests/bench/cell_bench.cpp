@@ -22,6 +22,26 @@ double median(std::vector<double> values) {
   return values.empty() ? std::nan("") : values[values.size() / 2];
 }
 
+using servocal::test::CameraPairErrors;
+using servocal::test::PairError;
+using servocal::test::PlaneGap;
+
+struct Mean {
+  double gap_mm = 0.0, size_mm = 0.0, angle_deg = 0.0;
+};
+
+/// Over the places: signed distance, its size, and angle.
+Mean meanOf(const std::vector<PlaneGap>& gaps) {
+  Mean mean;
+  const double n = static_cast<double>(gaps.size());
+  for (const PlaneGap& gap : gaps) {
+    mean.gap_mm += 1e3 * gap.distance_m / n;
+    mean.size_mm += 1e3 * std::abs(gap.distance_m) / n;
+    mean.angle_deg += gap.angle_rad * kDegPerRad / n;
+  }
+  return mean;
+}
+
 /// Columns of the table by camera, over all seeds.
 struct Columns {
   std::map<std::string, std::vector<double>> values;
@@ -29,6 +49,45 @@ struct Columns {
     if (std::isfinite(value)) values[column].push_back(value);
   }
 };
+
+/// Two cameras against each other.
+void printPair(const CameraPairErrors& pair, std::map<std::string, Columns>& columns) {
+  const std::string name = pair.first + "-" + pair.second;
+  const auto print = [&](const char* what, const PairError& error) {
+    Columns& its = columns[name + " " + what];
+    its.add("first_mm", 1e3 * error.first_m);
+    its.add("second_mm", 1e3 * error.second_m);
+    its.add("between_mm", 1e3 * error.between_m);
+    its.add("pose_mm", 1e3 * error.pose_m);
+    its.add("pose_deg", error.pose_rad * kDegPerRad);
+    std::printf(
+        "     %s %s: a point in the base off by %.3f mm, %.3f mm, the two apart %.3f mm; relative pose %.3f "
+        "mm "
+        "%.4f deg\n",
+        name.c_str(), what, 1e3 * error.first_m, 1e3 * error.second_m, 1e3 * error.between_m,
+        1e3 * error.pose_m, error.pose_rad * kDegPerRad);
+  };
+  print("staged", pair.staged);
+  if (pair.joint) print("joint", *pair.joint);
+  const auto printPlanes = [&](const char* what, const std::vector<PlaneGap>& gaps) {
+    if (gaps.empty()) return;
+    const Mean mean = meanOf(gaps);
+    Columns& its = columns[name + " planes, " + what];
+    its.add("gap_mm", mean.gap_mm);
+    its.add("size_mm", mean.size_mm);
+    its.add("angle_deg", mean.angle_deg);
+    std::printf("     %s planes at %zu places, %s: signed distance mm", name.c_str(), gaps.size(), what);
+    for (const PlaneGap& gap : gaps) std::printf(" %.2f", 1e3 * gap.distance_m);
+    std::printf("; mean %.2f, mean size %.2f; mean angle %.3f deg; at least %d points\n", mean.gap_mm,
+                mean.size_mm, mean.angle_deg,
+                std::min_element(gaps.begin(), gaps.end(), [](const PlaneGap& a, const PlaneGap& b) {
+                  return a.points < b.points;
+                })->points);
+  };
+  printPlanes("as measured", pair.raw);
+  printPlanes("corrected", pair.corrected);
+  printPlanes("corrected, joint poses", pair.by_joint);
+}
 
 }  // namespace
 
@@ -107,6 +166,7 @@ int main(int argc, char** argv) {
       }
       std::printf("\n");
     }
+    for (const CameraPairErrors& pair : trial.pairs) printPair(pair, by_camera);
     if (const auto& joint = trial.result.joint) {
       std::printf("     joint: robot %.3f mm %.4f deg per axis; held out %d views, %.3f px %.3f mm, z %.2f; %s\n",
                   joint->robot_sigma_m * 1e3, joint->robot_sigma_rad * kDegPerRad,

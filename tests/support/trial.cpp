@@ -104,15 +104,18 @@ Trial runTrial(const CellConfig& cell, std::uint64_t seed, const std::filesystem
     for (const Observation& observation : observations) {
       trial.coverage_views += observation.stage == "cover";
     }
+    trial.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - wall_begin).count();
+    trial.cpu_s = cpuSeconds() - cpu_begin;
+    trial.plane_shots = shootPlanes(cell, trial.result, simulation, guard);
   }
-  trial.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - wall_begin).count();
-  trial.cpu_s = cpuSeconds() - cpu_begin;
 
   // From here on the truth is read, after the run has ended.
   const sim::Truth truth(simulation);
   for (const CameraResult& camera : trial.result.cameras) {
     if (camera.hand_eye) trial.errors.push_back(errorsOf(truth, camera, simulation.clock().now()));
   }
+  trial.pairs = pairErrors(truth, trial.result, trial.plane_shots,
+                           kinematics.forward(cell.arm.start_q) * truth.eMo().translation());
   trial.joint_errors = jointErrors(cell, truth, trial.result, observations);
   const std::string& name = cell.cameras.front().name;
   // The rest is about what a UR5 can reach for a camera in the cell.

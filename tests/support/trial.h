@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "joint_errors.h"
+#include "pair_errors.h"
 #include "servocal/core/cell_config.h"
 #include "servocal/core/result.h"
 #include "servocal/procedure/calibrate.h"
@@ -34,7 +35,9 @@ struct Trial {
   CalibrationResult result;
   std::vector<CameraErrors> errors;   ///< Of every camera that has a hand-eye.
   std::vector<JointErrors> joint_errors;  ///< Of every stream of the joint estimate.
-  int reachable_cells = 0;         ///< By the truth; see reachable_cells.h.
+  std::vector<CameraPairErrors> pairs;    ///< Every two cameras against each other.
+  std::vector<PlaneShot> plane_shots;     ///< Taken after the run, for the pairs' planes.
+  int reachable_cells = 0;                ///< By the truth; see reachable_cells.h.
   int cells = 0;
   int filled_reachable_cells = 0;  ///< Of them, filled.
   int coverage_views = 0;

@@ -10,6 +10,7 @@
 #include "default_sim.h"
 #include "servocal/core/error.h"
 #include "servocal/session/session.h"
+#include "servocal/sim/cell.h"
 #include "sim_truth.h"
 #include "temporary_folder.h"
 #include "trial.h"
@@ -138,6 +139,33 @@ TEST(Modes, ACameraOnTheFlangeWatchesABoardInTheCell) {
 
 TEST(Modes, AnArmOfSevenJointsByConfigurationAlone) {
   expectCalibrated(run(shortRun(loadCell(SERVOCAL_CELLS "/panda.yaml"))));
+}
+
+// Beside the paper's three cameras a color camera and a second Kinect v1. The intrinsics are given, so that
+// each camera's turn is a few views; cell_bench runs the whole procedure (docs/results.md).
+TEST(Modes, AFourthAndAFifthCameraByConfigurationAlone) {
+  CellConfig cell = loadCell(SERVOCAL_CELLS "/five_cameras.yaml");
+  cell.coverage.revisit_views = 5;
+  cell.coverage.check_views = 0;
+  procedure::CalibrateOptions options;
+  options.hand_eye_only = true;
+  sim::Cell same(cell, 3);
+  const sim::Truth truth(same);
+  for (const CameraConfig& camera : cell.cameras) {
+    options.given_intrinsics[{camera.name, Stream::kColor}] = truth.camera(camera.name);
+    if (camera.infrared)
+      options.given_intrinsics[{camera.name, Stream::kInfrared}] = truth.infrared(camera.name);
+  }
+  const test::TemporaryFolder folder;
+  const test::Trial trial = test::runTrial(cell, 3, folder.path() / "session", options);
+  for (const std::string& missing : trial.result.missing) ADD_FAILURE() << missing;
+  ASSERT_EQ(trial.errors.size(), 5u);
+  for (const test::CameraErrors& errors : trial.errors) {
+    SCOPED_TRACE(errors.camera);
+    EXPECT_LT(errors.pose_m, 0.004);
+    EXPECT_LT(errors.pose_rad, 0.4 * kDegree);
+  }
+  EXPECT_EQ(trial.pairs.size(), 10u);
 }
 
 CellConfig withClock(FaultKind kind) {

@@ -11,6 +11,8 @@ namespace servocal::coverage {
 namespace {
 
 constexpr double kFrontalLimitRad = 12.0 * M_PI / 180.0;
+constexpr const char* kLostHalfSentence =
+    " given up because the board was lost or not found there, though the arm reaches it";
 
 }  // namespace
 
@@ -42,6 +44,7 @@ Coverage::Coverage(const CoverageConfig& config, const ImageRegion& region, cons
   if (config.cells_x <= 0 || config.cells_y <= 0) throw std::invalid_argument("coverage with no cells");
   corners_.assign(cells(), 0);
   given_up_.assign(cells(), false);
+  aside_.assign(cells(), false);
 }
 
 void Coverage::add(const std::vector<Eigen::Vector2d>& pixels, const Pose<Color, Board>& cMo) {
@@ -54,7 +57,10 @@ void Coverage::add(const std::vector<Eigen::Vector2d>& pixels, const Pose<Color,
 
 void Coverage::giveUp(int cell) { given_up_.at(cell) = true; }
 
+void Coverage::setAside(int cell) { aside_.at(cell) = true; }
+
 void Coverage::giveUpMarginals() {
+  if (marginals_aside_) return;
   const auto lower = [&](int& wanted, int have, const std::string& what) {
     if (have >= wanted) return;
     wanted = have;
@@ -91,7 +97,7 @@ int Coverage::filledCells() const {
 std::vector<int> Coverage::openCells() const {
   std::vector<int> open;
   for (int cell = 0; cell < cells(); ++cell) {
-    if (!filled(cell) && !given_up_[cell]) open.push_back(cell);
+    if (!filled(cell) && !given_up_[cell] && !aside_[cell]) open.push_back(cell);
   }
   const Eigen::Vector2d center(region_.x_px + 0.5 * (region_.width_px - 1), region_.y_px + 0.5 * (region_.height_px - 1));
   std::stable_sort(open.begin(), open.end(), [&](int a, int b) {
@@ -105,9 +111,12 @@ bool Coverage::isFar(const Pose<Color, Board>& cMo) const {
 }
 
 int Coverage::deficit() const {
-  int lacking = std::max(0, near_goal_ - near_views_) + std::max(0, far_goal_ - far_views_);
-  for (std::size_t i = 0; i < tilt_views_.size(); ++i)
-    lacking += std::max(0, tilt_goals_[i] - tilt_views_[i]);
+  int lacking = 0;
+  if (!marginals_aside_) {
+    lacking += std::max(0, near_goal_ - near_views_) + std::max(0, far_goal_ - far_views_);
+    for (std::size_t i = 0; i < tilt_views_.size(); ++i)
+      lacking += std::max(0, tilt_goals_[i] - tilt_views_[i]);
+  }
   for (const int cell : openCells()) lacking += missingToFill(cell);
   return lacking;
 }
@@ -119,13 +128,14 @@ int Coverage::missingCorners(const std::vector<Eigen::Vector2d>& pixels) const {
   }
   int missing_corners = 0;
   for (int cell = 0; cell < cells(); ++cell) {
-    if (given_up_[cell]) continue;
+    if (given_up_[cell] || aside_[cell]) continue;
     missing_corners += std::min(hits[cell], missingToFill(cell));
   }
   return missing_corners;
 }
 
 int Coverage::missingMarginals(const Pose<Color, Board>& cMo) const {
+  if (marginals_aside_) return 0;
   const bool distance = isFar(cMo) ? far_views_ < far_goal_ : near_views_ < near_goal_;
   const auto bin = static_cast<std::size_t>(tiltBinOf(cMo));
   const bool tilt = tilt_views_[bin] < tilt_goals_[bin];
@@ -136,13 +146,17 @@ bool Coverage::complete() const { return missing().empty(); }
 
 std::vector<std::string> Coverage::missing() const {
   std::vector<std::string> sentences;
-  if (const auto open = openCells().size(); open > 0) {
-    sentences.push_back(std::to_string(open) + " of " + std::to_string(cells()) +
+  int aside = 0;
+  for (int cell = 0; cell < cells(); ++cell) aside += aside_[cell] && !filled(cell) && !given_up_[cell];
+  if (const int empty = static_cast<int>(openCells().size()) + aside; empty > 0) {
+    sentences.push_back(std::to_string(empty) + " of " + std::to_string(cells()) +
                         " image cells are not filled");
+    if (aside > 0) sentences.back() += ", " + std::to_string(aside) + kLostHalfSentence;
   }
   const auto require = [&](int have, int want, const std::string& what) {
     if (have < want) {
       sentences.push_back("only " + std::to_string(have) + " of " + std::to_string(want) + " " + what);
+      if (marginals_aside_) sentences.back() += std::string(", the rest") + kLostHalfSentence;
     }
   };
   require(near_views_, near_goal_, "near views");

@@ -62,10 +62,6 @@ void addTiming(Eye& eye, CameraResult& camera, std::vector<std::string>& missing
     camera.time_offset_sigma_s = eye.timeOffset()->sigma_s;
   }
   if (const auto late = eye.tooLate()) missing.push_back(eye.name() + ": " + *late);
-  if (eye.cells_lost > 0) {
-    camera.notes.push_back(std::string(toString(eye.stream())) + ": " + std::to_string(eye.cells_lost) +
-                           " image cells were given up because the board was lost on the way, not for the arm's reach");
-  }
   const sensor::FrameCounts counts = eye.device().counts(eye.stream());
   if (counts.dropped() > 0) camera.notes.push_back(std::string(toString(eye.stream())) + " frames dropped: " + counts.text());
   if (const auto slow = eye.device().slowness(eye.stream()))

@@ -13,7 +13,26 @@ namespace servocal::procedure {
 namespace {
 
 constexpr double kDegree = M_PI / 180.0;
-constexpr int kTries = 3;         // for one image cell, or for distances and tilts, before they count as out of reach
+constexpr int kTries = 3;  // for one image cell, or for distances and tilts, before they are given up
+
+/// Drives that brought nothing new to one image cell, or to distances and tilts.
+struct Failures {
+  int drives = 0;
+  bool is_reach = true;  ///< The arm's limits ended all of them.
+  void add(DriveStatus status) {
+    ++drives;
+    is_reach = is_reach && (status == DriveStatus::kUnreachable || status == DriveStatus::kLimit);
+  }
+};
+
+/// Only what the arm does not reach counts as done.
+void leave(coverage::Coverage& coverage, std::optional<int> cell, bool is_reach) {
+  if (cell) {
+    is_reach ? coverage.giveUp(*cell) : coverage.setAside(*cell);
+  } else {
+    is_reach ? coverage.giveUpMarginals() : coverage.setMarginalsAside();
+  }
+}
 
 /// The largest angle at which the board is sure to be detected, by the tilt search.
 double detectableTilt(const std::vector<TiltLimit>& limits) {
@@ -37,16 +56,16 @@ int fill(Run& run, Eye& eye, coverage::Coverage& coverage, const plan::PlanOptio
   const Eigen::VectorXd start_q = run.guard().state().q;
   const Instant begin = run.clock().now();
   std::vector<Pose<Color, Board>> tried;
-  std::map<std::optional<int>, int> failures;  // by cell; nothing: distances and tilts
+  std::map<std::optional<int>, Failures> failures;  // by cell; nothing: distances and tilts
   int views = &coverage == &eye.coverage ? 0 : viewsTaken(run, stage, eye, coverage);
   run.report(stage, eye, 0, max_views);
-  while (views < max_views && !coverage.complete() && !eye.tooLate()) {
+  while (views < max_views && !coverage.exhausted() && !eye.tooLate()) {
     const plan::Belief belief{eye.model(), *eye.bMc(), run.eMo(eye), run.mount()};
-    const plan::NextView next = plan::nextView(coverage, belief, run.cell().board, run.guard(), run.guard().state().q,
-                                               start_q, tried, plan_options);
-    for (const int cell : next.unreachable) coverage.giveUp(cell);
+    const plan::NextView next = plan::nextView(coverage, belief, run.cell().board, run.guard(),
+                                               run.guard().state().q, start_q, tried, plan_options);
+    for (const int cell : next.unreachable) leave(coverage, cell, failures[cell].is_reach);
     if (!next.view) {
-      coverage.giveUpMarginals();
+      leave(coverage, std::nullopt, failures[std::nullopt].is_reach);
       break;
     }
 
@@ -66,13 +85,10 @@ int fill(Run& run, Eye& eye, coverage::Coverage& coverage, const plan::PlanOptio
       }
       run.updateBelief(eye);
     }
-    if (coverage.deficit() == deficit && ++failures[next.view->cell] >= kTries) {
-      if (next.view->cell) {
-        coverage.giveUp(*next.view->cell);
-        eye.cells_lost += visit.drive.status == DriveStatus::kTargetLost;
-      } else {
-        coverage.giveUpMarginals();
-      }
+    if (coverage.deficit() == deficit) {
+      Failures& failed = failures[next.view->cell];
+      failed.add(visit.drive.status);
+      if (failed.drives == kTries) leave(coverage, next.view->cell, failed.is_reach);
     }
     const double per_view_s = toSeconds(run.clock().now() - begin) / std::max(1, views);
     const int open = static_cast<int>(coverage.openCells().size());

@@ -85,8 +85,7 @@ class Eye {
   std::vector<plan::Trial> trials;  ///< How the board was held, whole in the image, and whether it was found.
   std::vector<TiltLimit> tilt_limits;
   std::optional<Sighting> sighting;
-  int views = 0;  ///< Settled ones.
-  int cells_lost = 0;  ///< Image cells given up because the board was lost on the way there.
+  int views = 0;         ///< Settled ones.
   Instant last_shown{};  ///< To those who watch.
 
  private:

@@ -145,7 +145,7 @@ double motionTimeS(Run& run) {
 /// What the floors of coverage lack, eye by eye.
 void fillFloors(Run& run) {
   for (Eye& eye : run.eyes()) {
-    if (eye.coverage.complete() || !eye.bMc() || eye.tooLate() || !eye.handEye()) continue;
+    if (eye.coverage.exhausted() || !eye.bMc() || eye.tooLate() || !eye.handEye()) continue;
     Eye& color = *run.find(eye.camera(), Stream::kColor);
     if (!eye.shouldSee(run.guard().state().bMe, run.eMo(eye)) && handOver(run, color)) continue;
     cover(run, eye, run.cell().coverage.max_views);

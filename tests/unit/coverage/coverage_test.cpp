@@ -55,6 +55,36 @@ TEST(Coverage, GivingUpACellClosesItButDoesNotFillIt) {
   EXPECT_EQ(coverage.missingCorners({{5, 5}}), 0);
 }
 
+// The arm gets there, the board is not seen there: nothing more to drive to, and yet not done.
+TEST(Coverage, WhatIsSetAsideStaysMissing) {
+  ViewGoals goals;
+  goals.near_views = goals.views_per_tilt_bin = 0;
+  goals.far_views = 1;
+  Coverage coverage = makeCoverage(goals);
+  for (int cell = 1; cell < coverage.cells(); ++cell) coverage.giveUp(cell);
+  coverage.setAside(0);
+  EXPECT_TRUE(coverage.openCells().empty());
+  EXPECT_EQ(coverage.missingCorners({{5, 5}}), 0);
+  EXPECT_FALSE(coverage.exhausted());  // A far view is missing.
+  coverage.setMarginalsAside();
+  EXPECT_EQ(coverage.missingMarginals(boardAt(0.8)), 0);
+  EXPECT_TRUE(coverage.exhausted());
+  coverage.giveUpMarginals();  // Set aside is not out of reach.
+  EXPECT_FALSE(coverage.complete());
+  ASSERT_EQ(coverage.missing().size(), 2u);
+  EXPECT_NE(
+      coverage.missing()[0].find("1 of 40 image cells are not filled, 1 given up because the board was lost"),
+      std::string::npos)
+      << coverage.missing()[0];
+  EXPECT_NE(coverage.missing()[1].find("only 0 of 1 far views"), std::string::npos) << coverage.missing()[1];
+  EXPECT_FALSE(coverage.summary().unreachable[0]);
+  EXPECT_TRUE(coverage.summary().out_of_reach.empty());
+
+  coverage.add(std::vector<Eigen::Vector2d>(12, {5, 5}),
+               boardAt(0.8));  // Other cameras' stops may still show it.
+  EXPECT_TRUE(coverage.complete());
+}
+
 TEST(Coverage, AGridOverARegionCountsNothingOutsideIt) {
   Coverage coverage(CoverageConfig{}, {100, 50, 800, 500});
   EXPECT_FALSE(coverage.cellAt({99.4, 300}));

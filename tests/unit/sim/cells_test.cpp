@@ -42,7 +42,7 @@ void expectPart(const std::string& whole, const std::string& part) {
 }
 
 TEST(Cells, EveryCameraSeesTheBoardAtTheStart) {
-  for (const char* name : {"one_camera.yaml", "panda.yaml", "eye_in_hand.yaml"}) {
+  for (const char* name : {"one_camera.yaml", "panda.yaml", "eye_in_hand.yaml", "five_cameras.yaml"}) {
     const CellConfig config = loadCell(kCells / name);
     for (std::uint64_t seed = 1; seed <= 30; ++seed) {
       Cell cell(config, seed);

@@ -44,6 +44,11 @@ class Coverage {
   void giveUp(int cell);
   /// Marks the distances and tilts that still lack views as out of reach; they count as done from now on.
   void giveUpMarginals();
+  /// Leaves a cell alone from now on though the arm reaches it: the board was lost or not found there. It
+  /// stays missing unless other views fill it.
+  void setAside(int cell);
+  /// The same for the distances and tilts that still lack views.
+  void setMarginalsAside() { marginals_aside_ = true; }
 
   int cells() const { return config_.cells_x * config_.cells_y; }
   /// Cell (row by row from the upper left) that holds the pixel; nothing outside the region.
@@ -52,21 +57,23 @@ class Coverage {
   bool filled(int cell) const { return corners_[cell] >= config_.corners_per_cell; }
   bool givenUp(int cell) const { return given_up_[cell]; }
   int filledCells() const;
-  /// Cells neither filled nor given up, from the region's centre outward.
+  /// Cells neither filled, given up nor set aside, from the region's centre outward.
   std::vector<int> openCells() const;
   /// Far: at least distance_ratio times the wanted near distance.
   bool isFar(const Pose<Color, Board>& cMo) const;
 
   /// Corners that the cell still lacks; 0 if filled.
   int missingToFill(int cell) const { return std::max(0, config_.corners_per_cell - corners_[cell]); }
-  /// Corners and views that are missing in all; falls with every view that helped.
+  /// Corners and views that are missing in all but what was set aside; falls with every view that helped.
   int deficit() const;
   /// Corners a view would add where they are missing, over all open cells.
   int missingCorners(const std::vector<Eigen::Vector2d>& pixels) const;
   /// Views still missing in the marginals that this pose belongs to: 0, 1 (distance or tilt) or 2.
   int missingMarginals(const Pose<Color, Board>& cMo) const;
-  /// True when no cell is open and the marginals are met.
+  /// True when no cell is open and nothing was set aside that is still missing, and the marginals are met.
   bool complete() const;
+  /// True when there is nothing more to drive to: complete but for what was set aside.
+  bool exhausted() const { return deficit() == 0; }
   /// What complete() lacks, a sentence each.
   std::vector<std::string> missing() const;
 
@@ -80,6 +87,8 @@ class Coverage {
   std::array<int, kTiltBins.size()> tilt_goals_{};
   std::vector<int> corners_;
   std::vector<bool> given_up_;
+  std::vector<bool> aside_;
+  bool marginals_aside_ = false;
   int near_views_ = 0;
   int far_views_ = 0;
   std::array<int, kTiltBins.size()> tilt_views_{};
