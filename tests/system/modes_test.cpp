@@ -141,31 +141,45 @@ TEST(Modes, AnArmOfSevenJointsByConfigurationAlone) {
   expectCalibrated(run(shortRun(loadCell(SERVOCAL_CELLS "/panda.yaml"))));
 }
 
-// Beside the paper's three cameras a color camera and a second Kinect v1. The intrinsics are given, so that
-// each camera's turn is a few views; cell_bench runs the whole procedure (docs/results.md).
-TEST(Modes, AFourthAndAFifthCameraByConfigurationAlone) {
+/// Five cameras: the paper's three, a color camera and a second Kinect v1. Intrinsics are given, so that each camera's turn
+/// is a few views; cell_bench runs the whole procedure there (docs/results.md).
+test::Trial runFiveCameras(const std::vector<std::string>& only) {
   CellConfig cell = loadCell(SERVOCAL_CELLS "/five_cameras.yaml");
   cell.coverage.revisit_views = 5;
   cell.coverage.check_views = 0;
   procedure::CalibrateOptions options;
+  options.cameras = only;
   options.hand_eye_only = true;
   sim::Cell same(cell, 3);
   const sim::Truth truth(same);
   for (const CameraConfig& camera : cell.cameras) {
     options.given_intrinsics[{camera.name, Stream::kColor}] = truth.camera(camera.name);
-    if (camera.infrared)
-      options.given_intrinsics[{camera.name, Stream::kInfrared}] = truth.infrared(camera.name);
+    if (camera.infrared) options.given_intrinsics[{camera.name, Stream::kInfrared}] = truth.infrared(camera.name);
   }
   const test::TemporaryFolder folder;
-  const test::Trial trial = test::runTrial(cell, 3, folder.path() / "session", options);
+  return test::runTrial(cell, 3, folder.path() / "session", options);
+}
+
+void expectHandEyes(const test::Trial& trial, std::size_t cameras) {
   for (const std::string& missing : trial.result.missing) ADD_FAILURE() << missing;
-  ASSERT_EQ(trial.errors.size(), 5u);
+  ASSERT_EQ(trial.errors.size(), cameras);
   for (const test::CameraErrors& errors : trial.errors) {
     SCOPED_TRACE(errors.camera);
     EXPECT_LT(errors.pose_m, 0.004);
     EXPECT_LT(errors.pose_rad, 0.4 * kDegree);
   }
+}
+
+TEST(Modes, AFourthAndAFifthCameraByConfigurationAlone) {
+  const test::Trial trial = runFiveCameras({});
+  expectHandEyes(trial, 5);
   EXPECT_EQ(trial.pairs.size(), 10u);
+}
+
+TEST(Modes, OneNamedCameraOfSeveral) {
+  const test::Trial trial = runFiveCameras({"above"});
+  expectHandEyes(trial, 1);
+  EXPECT_EQ(trial.errors[0].camera, "above");
 }
 
 CellConfig withClock(FaultKind kind) {
