@@ -102,7 +102,7 @@ int main(int argc, char** argv) {
       "Result file or session of an earlier run of this cell: its board mount and tilt limits are\n"
       "believed instead of sought");
   cli.add_flag("--hand-eye-only", options.hand_eye_only,
-               "Only where the cameras stand: no tilt limits, no coverage")
+               "Only where the color cameras stand: no tilt limits, no coverage, no infrared, no depth")
       ->needs("--intrinsics");
   live::ServerOptions live_options;
   bool watched = false, json = false;

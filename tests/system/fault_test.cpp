@@ -9,6 +9,7 @@
 #include "default_sim.h"
 #include "errors.h"
 #include "servocal/procedure/calibrate.h"
+#include "servocal/procedure/summary.h"
 #include "servocal/sim/cell.h"
 #include "spoiled_camera.h"
 #include "temporary_folder.h"
@@ -140,25 +141,26 @@ TEST(Faults, AResolutionThatChangesEndsTheRunAndKeepsWhatWasSeen) {
   EXPECT_GE(session.observations().size(), 5u);
 }
 
-// Something stands before a quarter of the image: the arm reaches the cells there, the board is not seen in
+// Something stands before a sixth of the image: the arm reaches the cells there, the board is not seen in
 // them.
 TEST(Faults, ImageCellsWhereTheBoardIsLostAreMissingAndNotOutOfReach) {
   CellConfig cell = loadCell(SERVOCAL_CELLS "/ur_one_camera.yaml");
-  cell.coverage.cells_x = 4;
+  cell.coverage.cells_x = 6;
   cell.coverage.cells_y = 1;
   cell.coverage.revisit_views = cell.coverage.check_views = 0;
   cell.coverage.max_views = 30;
   SpoiledRun run(cell);
   test::SpoiledCamera camera(run.simulation.camera("cam1"), [](sensor::Frame& frame) {
-    frame.image.colRange(frame.image.cols * 3 / 4, frame.image.cols).setTo(90);
+    frame.image.colRange(frame.image.cols * 5 / 6, frame.image.cols).setTo(90);
   });
   const CalibrationResult result = run.run({&camera});
+  SCOPED_TRACE(procedure::verdict(result));
   ASSERT_EQ(result.cameras.size(), 1u);
   ASSERT_TRUE(result.cameras[0].coverage);
   EXPECT_FALSE(result.goal_met);
   EXPECT_TRUE(names(
-      result, "1 of 4 image cells are not filled, 1 given up because the board was lost or not found there"));
-  EXPECT_EQ(result.cameras[0].coverage->unreachable, std::vector<bool>(4, false));
+      result, "1 of 6 image cells are not filled, 1 given up because the board was lost or not found there"));
+  EXPECT_EQ(result.cameras[0].coverage->unreachable, std::vector<bool>(6, false));
 }
 
 // One camera delivers four images per second and another stares into the dark: the third is served as ever,

@@ -154,7 +154,6 @@ test::Trial runFiveCameras(const std::vector<std::string>& only) {
   const sim::Truth truth(same);
   for (const CameraConfig& camera : cell.cameras) {
     options.given_intrinsics[{camera.name, Stream::kColor}] = truth.camera(camera.name);
-    if (camera.infrared) options.given_intrinsics[{camera.name, Stream::kInfrared}] = truth.infrared(camera.name);
   }
   const test::TemporaryFolder folder;
   return test::runTrial(cell, 3, folder.path() / "session", options);

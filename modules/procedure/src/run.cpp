@@ -64,7 +64,8 @@ Run::Run(const CellConfig& cell, const Devices& devices, session::Session& sessi
     sensor::GatedCamera& device =
         cameras_.emplace_back(*devices.cameras[i], devices.clock, sensor::FrameGateOptions{}, stamps);
     eyes_.emplace_back(cell, camera, device, Stream::kColor);
-    if (camera.infrared) eyes_.emplace_back(cell, camera, device, Stream::kInfrared);
+    // The few views of a hand-eye determine neither the infrared camera's place nor the depth.
+    if (camera.infrared && !options.hand_eye_only) eyes_.emplace_back(cell, camera, device, Stream::kInfrared);
   }
   for (Eye& eye : eyes_) {
     if (const auto given = options.given_intrinsics.find({eye.camera(), eye.stream()});

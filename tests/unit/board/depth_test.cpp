@@ -107,17 +107,20 @@ TEST(BoardDepth, PatchesErrAsTheyClaim) {
   EXPECT_NEAR(squares / count, 1.0, 0.35);
 }
 
-// Why the solver does not go by the paper's corner depths: a Kinect v1's depth at 0.8 m, in steps of 1.8 mm.
+// Why the solver does not go by the paper's corner depths: a Kinect v1's disparity at 0.8 m, in steps of 1.8 mm.
 TEST(BoardDepth, AMedianOfQuantizedDepthIsFarWorseThanAPlane) {
   Picture picture;
+  picture.unit_m = 0.00005;
   picture.noise_m = 0.0015;
   picture.disparity_step = 0.125 / (580 * 0.075);
+  BoardDepthOptions options;
+  options.unit_m = picture.unit_m;
   double by_median = 0.0, by_plane = 0.0;
   int corners = 0, patches = 0;
   for (int i = 0; i < 6; ++i) {
-    picture.cMo = Pose<Color, Board>::fromRotationVector({0, 0, 0.1}, {0.04, -0.03, 0.78 + 0.0073 * i});
+    picture.cMo = Pose<Color, Board>::fromRotationVector({0, 0, 0.1}, {0.04, -0.03, 0.78 + 0.0041 * i});
     const auto outcome = measureBoardDepth(frames(picture, 5, 20 + static_cast<std::uint64_t>(i)), seen(picture),
-                                           picture.board, picture.camera);
+                                           picture.board, picture.camera, options);
     ASSERT_EQ(outcome.status, BoardDepthStatus::kMeasured) << outcome.reason;
     for (const CornerDepth& corner : outcome.depth->corners) {
       by_median += std::pow(corner.depth_m - (picture.cMo * picture.board.corner(corner.id)).z(), 2);

@@ -45,7 +45,7 @@ struct CalibrateOptions {
   std::vector<std::string> cameras;  ///< Only these, by name; all if empty.
   GivenIntrinsics given_intrinsics;  ///< Believed instead of solved.
   std::string arm;                   ///< Model and serial number, kept in the session; it is resumed with no other.
-  bool hand_eye_only = false;        ///< No tilt limits and no coverage: only where the cameras stand.
+  bool hand_eye_only = false;        ///< No tilt limits, no coverage, no infrared: only where the color cameras stand.
   /// An earlier run of this cell: how the board is mounted and how far it can be tilted are believed instead of
   /// sought. The views of this run correct the mount.
   std::optional<CalibrationResult> known;
