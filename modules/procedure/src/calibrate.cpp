@@ -7,9 +7,11 @@
 
 #include "goals.h"
 #include "known.h"
+#include "log.h"
 #include "resume.h"
 #include "run.h"
 #include "servocal/procedure/solve.h"
+#include "servocal/procedure/summary.h"
 #include "slip_check.h"
 
 namespace servocal::procedure {
@@ -91,13 +93,11 @@ SolveOptions solveOptions(const Run& run) {
   return options;
 }
 
-CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, session::Session& session,
-                            const EventSink& on_event, const CalibrateOptions& options,
-                            const LookSink& on_look) {
-  if (devices.cameras.size() != cell.cameras.size() || cell.cameras.empty()) {
-    throw std::invalid_argument("calibrate needs the cell's cameras, in order");
-  }
-  Run run(cell, devices, session, on_event, options, on_look);
+namespace {
+
+CalibrationResult calibrate(Run& run, session::Session& session) {
+  const CellConfig& cell = run.cell();
+  const CalibrateOptions& options = run.options();
   const std::set<std::string> over = takeOver(run, session);
   if (options.known) believeKnown(run, *options.known);
   std::vector<std::string> missing;
@@ -173,6 +173,26 @@ CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, sess
   result.tilt_time_s = tilt_time_s;
   result.observations = static_cast<int>(run.observations().size());
   return result;
+}
+
+}  // namespace
+
+CalibrationResult calibrate(const CellConfig& cell, const Devices& devices, session::Session& session,
+                            const EventSink& on_event, const CalibrateOptions& options,
+                            const LookSink& on_look) {
+  if (devices.cameras.size() != cell.cameras.size() || cell.cameras.empty()) {
+    throw std::invalid_argument("calibrate needs the cell's cameras, in order");
+  }
+  Run run(cell, devices, session, on_event, options, on_look);
+  noteBegin(run, session);
+  try {
+    CalibrationResult result = calibrate(run, session);
+    run.log(kEnd, verdict(result));
+    return result;
+  } catch (const std::exception& error) {
+    noteBrokenOff(run, error);
+    throw;
+  }
 }
 
 }  // namespace servocal::procedure

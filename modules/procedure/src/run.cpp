@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "log.h"
 #include "servocal/calib/board_pose.h"
 #include "servocal/calib/intrinsics.h"
 #include "servocal/core/error.h"
@@ -234,6 +235,10 @@ void Run::report(const std::string& stage, const Eye& eye, int done, int planned
   }
   event.message = message;
   event.eyes = progress();
+  if (std::string now = stage + ": " + eye.name(); now != stage_) {
+    stage_ = std::move(now);
+    log(kStage, stage_);
+  }
   if (!message.empty()) session_.event(event.stamp, stage, eye.name() + ": " + message);
   if (on_event_) on_event_(event);
 }

@@ -115,6 +115,7 @@ class Run {
   Instant last_look_on_{};
   std::optional<double> eta_s_;
   std::optional<Goal> goal_;  ///< Of the drive under way, for those who watch.
+  std::string stage_;         ///< Stage and eye of the last report.
 };
 
 /// How the cell's observations are solved.

@@ -234,18 +234,37 @@ export function depthCorrection(depth) {
   });
 }
 
-export function timeline(attempts) {
-  return spec(attempts, {
-    height: 40 * new Set(attempts.map((attempt) => attempt.stage)).size,
-    mark: {type: 'bar', tooltip: true, cornerRadius: 1},
-    encoding: {
-      x: {field: 'start_s', type: 'quantitative', title: 'time of the run, s', scale: {nice: false}},
-      x2: {field: 'end_s'},
-      y: {field: 'stage', type: 'nominal', title: null, sort: null},
-      color: {field: 'status', type: 'nominal', title: 'ended', scale: {
-        domain: ['reached', 'plateau', 'target_lost', 'unreachable', 'limit', 'stopped'],
-        range: ['#7fc8a0', '#c9d66b', '#f0a35e', '#cfd5da', '#8d7cc3', '#d1495b']}},
-      tooltip: ['stage', 'camera', 'start_s', 'end_s', 'status', 'reason'].map((field) => ({field})),
-    },
+const kLogRow = 'log';
+/** What the log tells, by kind: color of its mark; those with a line across are where a run was broken off, or went on. */
+export const kLogKinds = {note: '#8a94a0', arm: '#8d7cc3', resumed: '#31688e', end: '#1a7f4b', interrupted: '#f0a35e', fault: '#d1495b', lost: '#1c2127'};
+export const kBreaks = ['resumed', 'interrupted', 'fault', 'lost'];
+
+/** One row for each stage: pale while it lasts, its drives over it; below, what the log says. */
+export function timeline({drives, stages, log}) {
+  const rows = [...new Set([...stages, ...drives].map((bar) => bar.stage)), ...(log.length ? [kLogRow] : [])];
+  const time = (field) => ({field, type: 'quantitative', title: 'time of the run, s', scale: {nice: false, zero: true}});
+  const row = {type: 'nominal', title: null, scale: {domain: rows}};
+  const kinds = Object.keys(kLogKinds).filter((kind) => log.some((line) => line.kind === kind));
+  const kind = {field: 'kind', type: 'nominal', title: 'log', scale: {domain: kinds, range: kinds.map((name) => kLogKinds[name])}};
+  const told = ['at_s', 'kind', 'text'].map((field) => ({field}));
+  const lines = log.map((line) => ({...line, row: kLogRow}));
+  return spec([], {
+    height: 34 * rows.length,
+    resolve: {scale: {color: 'independent'}},
+    layer: [
+      {data: {values: stages}, mark: {type: 'bar', color: '#e6eaee', height: {band: 0.92}, tooltip: true},
+        encoding: {x: time('start_s'), x2: {field: 'end_s'}, y: {field: 'stage', ...row},
+          tooltip: ['stage', 'of', 'start_s', 'end_s'].map((field) => ({field}))}},
+      {data: {values: drives}, mark: {type: 'bar', tooltip: true, cornerRadius: 1, height: {band: 0.6}},
+        encoding: {x: time('start_s'), x2: {field: 'end_s'}, y: {field: 'stage', ...row},
+          color: {field: 'status', type: 'nominal', title: 'drive ended', scale: {
+            domain: ['reached', 'plateau', 'target_lost', 'unreachable', 'limit', 'stopped'],
+            range: ['#7fc8a0', '#c9d66b', '#f0a35e', '#cfd5da', '#8d7cc3', '#d1495b']}},
+          tooltip: ['stage', 'camera', 'start_s', 'end_s', 'status', 'reason'].map((field) => ({field}))}},
+      {data: {values: lines.filter((line) => kBreaks.includes(line.kind))}, mark: {type: 'rule', strokeWidth: 1.5},
+        encoding: {x: time('at_s'), color: {...kind, legend: null}, tooltip: told}},
+      {data: {values: lines}, mark: {type: 'point', filled: true, size: 46, opacity: 0.9, tooltip: true},
+        encoding: {x: time('at_s'), y: {field: 'row', ...row}, color: kind, tooltip: told}},
+    ],
   });
 }

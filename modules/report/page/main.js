@@ -58,7 +58,7 @@ function contents() {
   const link = (id, text) => element('a', {href: `#${id}`}, text);
   return element('nav', {}, link('cell', 'the cell'), ...data.cameras.map((camera, i) => link(`camera-${i}`, `camera ${camera.name}`)),
     data.joint ? link('joint', 'everything at once') : null,
-    data.timeline.length ? link('run', 'the run') : null, link('provenance', 'provenance'));
+    data.timeline.drives.length ? link('run', 'the run') : null, link('provenance', 'provenance'));
 }
 
 function rejected(views) {
@@ -151,7 +151,12 @@ function jointSection() {
   const parts = [element('h2', {id: 'joint'}, 'Everything at once'), element('p', {}, joint.model),
     table([['', name], ['views', (row) => row.views, true], ['residual, px', (row) => row.rms_px, true], ['place ±, mm', (row) => row.place_sigma_mm, true],
       ['direction ±, deg', (row) => row.direction_sigma_deg, true], ['worst pixel ±, px', (row) => row.at_range.worst_px, true],
-      ['points of the workspace ±, mm', (row) => `${row.workspace_rms_mm}, worst ${row.workspace_worst_mm}`, true]], joint.cameras)];
+      ['points of the workspace ±, mm', (row) => `${row.workspace_rms_mm}, worst ${row.workspace_worst_mm}`, true],
+      ['its two halves differ by (claimed), px', (row) => (row.halves ? `${row.halves.rms_px} (${row.halves.claimed_px})` : '–'), true]], joint.cameras),
+    element('p', {class: 'remark'}, 'Halves: the estimate from every other stop against that from the rest. Good is no more than is claimed; far more says that lens, board or arm are described wrongly, which no residual shows.')];
+  if (joint.goals) {
+    parts.push(element('p', {}, `Views were chosen by information, until every pixel is known to ${joint.goals.worst_px} px and every point of the workspace to ${joint.goals.workspace_worst_mm} mm, in at most ${joint.goals.max_views} stops and ${joint.goals.max_time_s} s.`));
+  }
   const {robot, board, held_out: held} = joint;
   const facts = [`The robot's noise per stop is estimated as ${robot.sigma_mm} mm and ${robot.sigma_deg} deg per axis; declared are ${robot.declared_sigma_mm} mm and ${robot.declared_sigma_deg} deg.`,
     `The print is ${board.scale_x} by ${board.scale_y} times its description, bowed by ${board.bow_x_mm} and ${board.bow_y_mm} mm.`];
@@ -206,12 +211,18 @@ function cellSection() {
 }
 
 function runSection() {
-  if (!data.timeline.length) return [];
-  const stops = data.timeline.filter((attempt) => attempt.status !== 'reached');
+  const {drives, log} = data.timeline;
+  if (!drives.length && !log.length) return [];
+  const failed = drives.filter((drive) => drive.status !== 'reached');
+  const breaks = log.filter((line) => charts.kBreaks.includes(line.kind));
   return [element('h2', {id: 'run'}, 'The run'),
-    grid(chart('Timeline of drives', 'mostly green, without long gaps; every other color has its reason, hover for it.', charts.timeline(data.timeline), {wide: true})),
-    element('details', {}, element('summary', {}, `${stops.length} of ${data.timeline.length} drives did not reach their goal`),
-      table([['s', (row) => row.start_s, true], ['stage', (row) => row.stage], ['camera', (row) => row.camera], ['ended', (row) => row.status], ['reason', (row) => row.reason]], stops))];
+    element('p', {}, breaks.length ? 'The run was not of one piece:' : 'Nothing stopped the run before its end.'),
+    breaks.length ? element('ul', {class: 'breaks'}, ...breaks.map((line) => element('li', {}, element('b', {}, `${line.at_s.toFixed(1)} s, ${line.kind}: `), line.text))) : null,
+    grid(chart('Timeline: stages (pale), drives, and what the log says', 'drives mostly green, without long gaps; no line across, which is where the run was stopped, failed or went on. Hover for reasons, or see the lists below.', charts.timeline(data.timeline), {wide: true})),
+    element('details', {}, element('summary', {}, `${failed.length} of ${drives.length} drives did not reach their goal`),
+      table([['s', (row) => row.start_s, true], ['stage', (row) => row.stage], ['camera', (row) => row.camera], ['ended', (row) => row.status], ['reason', (row) => row.reason]], failed)),
+    log.length ? element('details', {}, element('summary', {}, `${log.length} lines of the log`),
+      table([['s', (row) => row.at_s, true], ['', (row) => row.kind], ['', (row) => row.text]], log)) : null];
 }
 
 function provenanceSection() {

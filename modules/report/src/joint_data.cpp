@@ -21,7 +21,7 @@ Json mapTree(const ProjectionMap& map) {
 
 Json cameraTree(const JointCameraResult& camera) {
   const Eigen::Matrix<double, 6, 1> sigma = camera.pose_covariance.diagonal().cwiseSqrt();
-  return {{"camera", camera.camera},
+  Json tree = {{"camera", camera.camera},
           {"stream", toString(camera.stream)},
           {"width_px", camera.model.width_px},
           {"height_px", camera.model.height_px},
@@ -35,11 +35,16 @@ Json cameraTree(const JointCameraResult& camera) {
           {"at_infinity", mapTree(camera.at_infinity)},
           {"workspace_worst_mm", rounded(camera.workspace.worst_m * 1e3, 3)},
           {"workspace_rms_mm", rounded(camera.workspace.rms_m * 1e3, 3)}};
+  if (camera.halves) {
+    tree["halves"] = {{"rms_px", rounded(camera.halves->rms_px, 3)},
+                      {"claimed_px", rounded(camera.halves->claimed_px, 3)}};
+  }
+  return tree;
 }
 
 }  // namespace
 
-Json jointData(const JointResult& joint) {
+Json jointData(const JointResult& joint, const std::optional<PlannerConfig>& goals) {
   Json tree = {{"model", joint.model},
                {"open", joint.open},
                {"faults", joint.faults},
@@ -59,6 +64,12 @@ Json jointData(const JointResult& joint) {
   for (const JointCameraResult& camera : joint.cameras) tree["cameras"].push_back(cameraTree(camera));
   for (const auto& [name, value] : joint.robot_terms)
     tree["robot"]["terms"].push_back({{"name", name}, {"value", rounded(value, 7)}});
+  if (goals) {
+    tree["goals"] = {{"worst_px", goals->projection_goal_px},
+                     {"workspace_worst_mm", goals->point_goal_m * 1e3},
+                     {"max_views", goals->max_views},
+                     {"max_time_s", goals->max_time_s}};
+  }
   if (joint.held_out) {
     tree["held_out"] = {{"views", joint.held_out->views},
                         {"rms_px", rounded(joint.held_out->rms_px, 3)},

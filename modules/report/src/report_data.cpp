@@ -14,6 +14,7 @@
 #include "servocal/core/error.h"
 #include "servocal/report/report.h"
 #include "servocal/session/session.h"
+#include "timeline.h"
 
 namespace servocal::report {
 namespace {
@@ -121,19 +122,6 @@ Json sceneTree(const ReportInput& input) {
   return scene;
 }
 
-Json timelineTree(const std::vector<Attempt>& attempts) {
-  Json rows = Json::array();
-  for (const Attempt& attempt : attempts) {
-    rows.push_back({{"stage", attempt.stage},
-                    {"camera", attempt.camera},
-                    {"start_s", rounded(toSeconds(attempt.start), 3)},
-                    {"end_s", rounded(toSeconds(attempt.end), 3)},
-                    {"status", toString(attempt.status)},
-                    {"reason", attempt.reason}});
-  }
-  return rows;
-}
-
 Json pairsTree(const std::vector<CameraPair>& pairs) {
   Json rows = Json::array();
   for (const CameraPair& pair : pairs) rows.push_back(pairData(pair, pair.first, pair.second));
@@ -141,14 +129,33 @@ Json pairsTree(const std::vector<CameraPair>& pairs) {
 }
 
 Json provenanceTree(const ReportInput& input) {
-  return {{"program", std::string("servocal ") + SERVOCAL_VERSION},
-          {"source", input.source},
-          {"result", input.result.provenance},
-          {"board", input.result.board.describe()},
-          {"observations", input.result.observations},
-          {"motion_time_s", rounded(input.result.motion_time_s, 1)},
-          {"tilt_time_s", rounded(input.result.tilt_time_s, 1)},
-          {"cell_file", input.cell_text}};
+  std::string devices, options;
+  for (const LogLine& line : input.log) {
+    if (line.kind == "device") devices += (devices.empty() ? "" : "; ") + line.message;
+    if (line.kind == "options") options = line.message;
+  }
+  Json tree = {{"report_by", std::string("servocal ") + SERVOCAL_VERSION}, {"source", input.source}};
+  const auto addKnown = [&](const char* key, const std::string& text) {
+    if (!text.empty()) tree[key] = text;
+  };
+  addKnown("session_by", input.programs);
+  addKnown("result", input.result.provenance);
+  addKnown("devices", devices);
+  addKnown("calibrated", options);
+  tree["board"] = input.result.board.describe();
+  tree["observations"] = input.result.observations;
+  tree["motion_time_s"] = rounded(input.result.motion_time_s, 1);
+  tree["tilt_time_s"] = rounded(input.result.tilt_time_s, 1);
+  tree["cell_file"] = input.cell_text;
+  return tree;
+}
+
+/// What the cell file wants of a run whose views follow from information; nothing of others.
+std::optional<PlannerConfig> goalsOf(const ReportInput& input) {
+  if (input.cell_text.empty()) return std::nullopt;
+  const PlannerConfig planner = parseCell(input.cell_text, "cell file").planner;
+  if (planner.choose_by != Planner::kInformation) return std::nullopt;
+  return planner;
 }
 
 }  // namespace
@@ -173,6 +180,9 @@ ReportInput loadReportInput(const std::filesystem::path& session_or_result) {
   const session::Session recorded = session::Session::open(folder);
   input.observations = recorded.observations();
   input.attempts = recorded.attempts();
+  for (session::SessionEvent& event : recorded.events())
+    input.log.push_back({event.stamp, std::move(event.kind), std::move(event.message)});
+  input.programs = recorded.programs();
   input.cell_text = recorded.cellText();
   const CellConfig cell = parseCell(input.cell_text, "cell file of session " + folder.string());
   input.robot_accuracy_m = cell.arm.accuracy_m;
@@ -182,16 +192,16 @@ ReportInput loadReportInput(const std::filesystem::path& session_or_result) {
 
 std::string reportJson(const ReportInput& input) {
   const CalibrationResult& result = input.result;
-  Json tree = {{"report_version", 1},
+  Json tree = {{"report_version", 2},
                {"verdict",
                 {{"goal_met", result.goal_met}, {"missing", result.missing}, {"numbers", headline(result)}}},
                {"next_steps", nextSteps(result)},
                {"cameras", Json::array()},
                {"pairs", pairsTree(result.camera_pairs)},
                {"scene", sceneTree(input)},
-               {"timeline", timelineTree(input.attempts)},
+               {"timeline", timelineData(input)},
                {"provenance", provenanceTree(input)}};
-  if (result.joint) tree["joint"] = jointData(*result.joint);
+  if (result.joint) tree["joint"] = jointData(*result.joint, goalsOf(input));
   tree["joint_problem"] = result.joint_problem;
   for (const CameraResult& camera : result.cameras) tree["cameras"].push_back(cameraData(input, camera));
   return tree.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";

@@ -10,13 +10,21 @@
 
 namespace servocal::report {
 
-/// What a report tells about. A result alone is enough; observations and attempts add what only they know:
+/// A line of a session's log.
+struct LogLine {
+  Instant stamp{};
+  std::string kind, message;
+};
+
+/// What a report tells about. A result alone is enough; observations, attempts and log add what only they know:
 /// residual vectors, depth errors, visited poses, hand-eye error against views, the timeline.
 struct ReportInput {
   std::string source;  ///< Session folder or result file, for provenance.
   CalibrationResult result;
   std::vector<Observation> observations;
   std::vector<Attempt> attempts;
+  std::vector<LogLine> log;
+  std::string programs;              ///< What wrote the session, with versions; empty if unknown.
   std::string cell_text;             ///< The cell file; empty if unknown.
   double robot_accuracy_m = 0.0003;  ///< Declared in the cell file: 1 sigma per axis.
   double robot_accuracy_rad = 0.0005;

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "log.h"
+
+#include "servocal/core/error.h"
+
+namespace servocal::procedure {
+
+void noteBegin(Run& run, const session::Session& session) {
+  const std::vector<Attempt> drives = session.attempts();
+  run.log(kBegin, std::to_string(drives.empty() ? 0 : drives.back().id));
+}
+
+void noteBrokenOff(Run& run, const std::exception& error) noexcept {
+  try {
+    const auto* const known = dynamic_cast<const Error*>(&error);
+    const bool wanted = known != nullptr && known->kind() == ErrorKind::kInterrupted;
+    run.log(wanted ? kInterrupted : kFault, error.what());
+  } catch (...) {
+  }
+}
+
+}  // namespace servocal::procedure
