@@ -81,7 +81,7 @@ IN_SOURCES = {
     "servo": {"ViSP"},
     "sim": {"OpenCV", "urdfdom"},
     "sim_openni2_driver": {"OpenCV", "OpenNI2"},
-    "report": {"nlohmann-json"},
+    "report": {"nlohmann-json", "OpenCV"},  # OpenCV: a session's images, drawn over each other
     "ros2": {"Cyclone DDS", "OpenCV"},
     "live": {"httplib", "nlohmann-json", "OpenCV"},  # OpenCV: JPEGs
     "procedure": {"OpenCV"},  # images pass through on their way to the session

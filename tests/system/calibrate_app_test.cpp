@@ -2,6 +2,7 @@
 // servocal-calibrate as a person runs it: exit codes and what is left behind.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <fstream>
 #include <sstream>
 
@@ -66,6 +67,11 @@ TEST(CalibrateApp, AnInterruptStopsTheArmAndKeepsWhatWasObserved) {
   EXPECT_NE(run.err.find("Stopped by the operator. The arm stands still"), std::string::npos) << run.err;
   const auto session = session::Session::open(folder / "session");
   EXPECT_FALSE(session.observations().empty());
+  const auto log = session.events();
+  EXPECT_EQ(log.front().kind, "begin");
+  EXPECT_TRUE(std::any_of(log.begin(), log.end(), [](const auto& line) {
+    return line.kind == "interrupted" && line.message.find("Stopped by the operator") == 0;
+  }));
 }
 
 }  // namespace

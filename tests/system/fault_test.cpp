@@ -139,6 +139,8 @@ TEST(Faults, AResolutionThatChangesEndsTheRunAndKeepsWhatWasSeen) {
   EXPECT_TRUE(twist.isZero()) << twist.linear_mps.norm() << " m/s, " << twist.angular_radps.norm() << " rad/s";
   const auto session = session::Session::open(run.folder.path() / "session");
   EXPECT_GE(session.observations().size(), 5u);
+  EXPECT_EQ(session.events().back().kind, "fault");
+  EXPECT_EQ(session.events().back().message, message);
 }
 
 // Something stands before a sixth of the image: the arm reaches the cells there, the board is not seen in

@@ -4,112 +4,20 @@
 
 usage: live_browser.py URL PROFILE_FOLDER [SCREENSHOT_FOLDER]
 
-Moves no robot but the one behind the page. Needs no library: Chromium is driven through its pipe.
+Moves no robot but the one behind the page.
 """
 
-import base64
 import json
 import os
 import pathlib
-import subprocess
 import sys
 import time
+
+from browser import Browser
 
 # What counts as coverage: the share of every cell, added up.
 FILLED = """[...document.querySelectorAll('.cells i')].reduce((sum, cell) =>
   sum + parseFloat(cell.style.getPropertyValue('--share') || 0) / 100, 0)"""
-
-
-class Browser:
-    """One page, driven by the DevTools protocol over file descriptors 3 and 4."""
-
-    def __init__(self, profile):
-        to_read, self.to_write = os.pipe()
-        self.from_read, from_write = os.pipe()
-
-        def connect():
-            os.dup2(to_read, 103), os.dup2(from_write, 104)
-            os.dup2(103, 3), os.dup2(104, 4)
-
-        self.process = subprocess.Popen(
-            ["chromium", "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
-             "--remote-debugging-pipe", f"--user-data-dir={profile}", "about:blank"],
-            preexec_fn=connect, close_fds=False, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        os.close(to_read), os.close(from_write)
-        self.last_id, self.left, self.complaints, self.requests = 0, b"", [], []
-        targets = self.call("Target.getTargets", session=None)["targetInfos"]
-        page = next(target["targetId"] for target in targets if target["type"] == "page")
-        self.session = self.call("Target.attachToTarget", {"targetId": page, "flatten": True},
-                                 session=None)["sessionId"]
-        for domain in ("Page", "Runtime", "Network", "Log"):
-            self.call(domain + ".enable")
-
-    def receive(self):
-        while b"\0" not in self.left:
-            more = os.read(self.from_read, 1 << 20)
-            if not more:
-                raise RuntimeError("the browser has gone")
-            self.left += more
-        message, self.left = self.left.split(b"\0", 1)
-        message = json.loads(message)
-        method, params = message.get("method"), message.get("params", {})
-        if method == "Runtime.exceptionThrown":
-            thrown = params["exceptionDetails"].get("exception", {})
-            self.complaints.append(thrown.get("description", "exception"))
-        elif method == "Runtime.consoleAPICalled" and params["type"] in ("error", "warning", "assert"):
-            self.complaints.append(str([argument.get("value") for argument in params["args"]]))
-        elif method == "Log.entryAdded" and params["entry"]["level"] in ("error", "warning"):
-            self.complaints.append(params["entry"]["text"])
-        elif method == "Network.requestWillBeSent":
-            self.requests.append(params["request"]["url"])
-        return message
-
-    def call(self, method, params=None, session=""):
-        self.last_id += 1
-        request = {"id": self.last_id, "method": method, "params": params or {}}
-        if session is not None:
-            request["sessionId"] = self.session
-        os.write(self.to_write, json.dumps(request).encode() + b"\0")
-        while True:
-            reply = self.receive()
-            if reply.get("id") == self.last_id:
-                if "error" in reply:
-                    raise RuntimeError(f"{method}: {reply['error']}")
-                return reply["result"]
-
-    def value(self, expression):
-        reply = self.call("Runtime.evaluate", {"expression": expression, "returnByValue": True})
-        return reply["result"].get("value")
-
-    def until(self, expression, seconds):
-        """The first value of the expression that is true; the last one if the time runs out."""
-        end = time.monotonic() + seconds
-        while True:
-            value = self.value(expression)
-            if value or time.monotonic() > end:
-                return value
-            time.sleep(0.05)
-
-    def size(self, width, height, phone=False):
-        self.call("Emulation.setDeviceMetricsOverride",
-                  {"width": width, "height": height, "deviceScaleFactor": 2 if phone else 1, "mobile": phone})
-
-    def screenshot(self, file):
-        time.sleep(1.0)
-        image = self.call("Page.captureScreenshot", {"format": "png", "captureBeyondViewport": True})
-        pathlib.Path(file).write_bytes(base64.b64decode(image["data"]))
-
-    def press(self, selector):
-        """A click where a person would click."""
-        x, y = self.value(f"(() => {{ const box = document.querySelector('{selector}').getBoundingClientRect();"
-                          "return [box.x + box.width / 2, box.y + box.height / 2]; })()")
-        for kind in ("mousePressed", "mouseReleased"):
-            self.call("Input.dispatchMouseEvent",
-                      {"type": kind, "x": x, "y": y, "button": "left", "clickCount": 1})
-
-    def close(self):
-        self.call("Browser.close", session=None)
-        self.process.wait(20)
 
 
 def main():
@@ -135,13 +43,18 @@ def main():
     seen["filled_before"] = before
     seen["filled_after"] = browser.until(f"(sum => sum > {before} && sum)({FILLED})", 60) or before
     seen["goal"] = browser.until("document.querySelectorAll('#big .goal').length", 60)
+    seen["wanted"] = browser.until("document.querySelectorAll('#twist u:not([hidden])').length", 30)
+    seen["guard"] = browser.until("document.querySelector('#guard b')?.textContent ?? ''", 5)
     if pictures:
         time.sleep(float(os.environ.get("LIVE_WATCH_S", "0")))
         browser.screenshot(pictures / "live.png")
-        browser.size(390, 844, phone=True)
+    browser.size(390, 844, phone=True)
+    time.sleep(0.5)
+    seen["phone_overflow"] = browser.overflow()
+    if pictures:
         browser.screenshot(pictures / "live_phone.png")
-        browser.size(1400, 1000)
-        time.sleep(1.0)
+    browser.size(1400, 1000)
+    time.sleep(0.5)
     # Only while the arm moves is it worth stopping.
     seen["moving"] = browser.until("state.arm.speed_mmps > 20", 30)
     seen["pressed_monotonic_s"] = time.monotonic()

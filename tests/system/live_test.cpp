@@ -2,13 +2,17 @@
 // The live page of a run in a browser, and the program's own options for it.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <fstream>
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <thread>
 
 #include "cells.h"
 #include "live_run.h"
 #include "run_program.h"
+#include "sim_truth.h"
 
 namespace servocal {
 namespace {
@@ -35,6 +39,9 @@ TEST(LivePage, ShowsTheRunInABrowserAndItsButtonStopsTheArm) {
   EXPECT_EQ(seen["corners"], 24);
   EXPECT_GT(seen["filled_after"], seen["filled_before"]);
   EXPECT_EQ(seen["goal"], 1) << "a drive's goal was never drawn";
+  EXPECT_EQ(seen["wanted"], 6) << "the commanded twist was never shown";
+  EXPECT_NE(seen["guard"], "") << "the guard's verdict was never shown";
+  EXPECT_EQ(seen["phone_overflow"], 0) << "wider than a phone";
   EXPECT_EQ(seen["complaints"], nlohmann::json::array());
   EXPECT_EQ(seen["strangers"], nlohmann::json::array()) << "the page asked somebody else";
 
@@ -78,6 +85,81 @@ TEST(LivePage, TheProgramPrintsTheAddressAndObeysTheStop) {
       << watched.err;
   const auto state = nlohmann::json::parse(watched.out);
   EXPECT_EQ(state["cell"], "default");
+}
+
+std::string slurp(const std::filesystem::path& file) {
+  std::ostringstream text;
+  text << std::ifstream(file, std::ios::binary).rdbuf();
+  return text.str();
+}
+
+std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  for (std::size_t at = 0; (at = text.find(from, at)) != std::string::npos; at += to.size())
+    text.replace(at, from.size(), to);
+  return text;
+}
+
+// The same run twice: alone, into a pipe; and followed by a client as fast as it can ask, with --json. Both
+// see and find the same to the last bit, and say the same.
+TEST(LivePage, WatchingChangesNothingAndJsonSaysTheSame) {
+  const test::TemporaryFolder folder;
+  std::string text = replaced(test::oneCameraCell().text, "max_views: 40",
+                              "max_views: 40\n  revisit_views: 4\n  check_views: 2");
+  const std::string cell = shellWord(folder.write("cell.yaml", text).string());
+  sim::Cell simulation(loadCell(folder / "cell.yaml"), 1);
+  CalibrationResult known;
+  known.board = test::oneCameraCell().board;
+  known.cameras.emplace_back();
+  known.cameras[0].camera = "cam1";
+  known.cameras[0].intrinsics.camera = sim::Truth(simulation).camera("cam1");
+  session::saveResult(folder / "known.yaml", known);
+  const std::string command = SERVOCAL_CALIBRATE " " + cell + " --seed 1 --hand-eye-only --intrinsics " +
+                              shellWord((folder / "known.yaml").string()) + " --out ";
+
+  const auto alone = runProgram(command + shellWord((folder / "alone").string()));
+  ASSERT_EQ(alone.exit_code, 0) << alone.err;
+  EXPECT_EQ(alone.err.find_first_of("\r\033"), std::string::npos) << "a pipe got what is for terminals";
+  EXPECT_LT(std::count(alone.err.begin(), alone.err.end(), '\n'), 8) << alone.err;
+
+  const std::string err = shellWord((folder / "err").string());
+  const auto watched =
+      runProgram("(" + command + shellWord((folder / "watched").string()) + " --live --json 2> " + err +
+                 " & pid=$!\n"
+                 "for i in $(seq 100); do grep -q token= " +
+                 err +
+                 " && break; sleep 0.1; done\n"
+                 "python3 -c 'import json, sys, urllib.request\n"
+                 "home, token = sys.argv[1].split(\"/?token=\")\n"
+                 "ask = lambda path: urllib.request.urlopen(urllib.request.Request(home + path, None, "
+                 "{\"X-Servocal-Token\": token})).read()\n"
+                 "looks = 0\n"
+                 "while True:\n"
+                 "    state = json.loads(ask(\"/state\"))\n"
+                 "    if state[\"ending\"]: break\n"
+                 "    if state[\"arm\"]: ask(\"/look?camera=cam1&stream=color\"); looks += 1\n"
+                 "print(looks, file=sys.stderr)' \"$(sed -n 's/^Live page: //p' " +
+                 err +
+                 ")\"\n"
+                 "wait $pid; exit $?)");
+  ASSERT_EQ(watched.exit_code, 0) << watched.err << slurp(folder / "err");
+  EXPECT_GT(std::stoi(watched.err), 20) << "nobody watched";
+
+  EXPECT_EQ(slurp(folder / "alone/result.yaml"), slurp(folder / "watched/result.yaml"));
+  const auto seen = session::Session::open(folder / "alone").observations();
+  const auto seen_watched = session::Session::open(folder / "watched").observations();
+  ASSERT_EQ(seen.size(), seen_watched.size());
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    EXPECT_EQ(seen[i].robot->q, seen_watched[i].robot->q);
+    ASSERT_EQ(seen[i].views.size(), seen_watched[i].views.size());
+    EXPECT_EQ(seen[i].views[0].stamp, seen_watched[i].views[0].stamp);
+  }
+
+  const std::string summary = replaced(alone.out, (folder / "alone").string(), (folder / "watched").string());
+  EXPECT_EQ(summary.rfind("Goal met.\n", 0), 0u) << summary;
+  const std::string said = slurp(folder / "err");
+  ASSERT_GT(said.size(), summary.size());
+  EXPECT_EQ(said.substr(said.size() - summary.size()), summary);
+  EXPECT_EQ(watched.out, session::resultJson(session::loadResult(folder / "watched/result.yaml")));
 }
 
 TEST(LivePage, AnAddressThatIsNotThisMachinesIsRefused) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <regex>
@@ -157,6 +158,40 @@ TEST_F(ReportApps, LargeReportIsQuickSmallAndOpensWithoutErrorOrRequest) {
   const std::string net = slurp(folder_ / "net.json");
   ASSERT_GT(net.size(), 1000u);
   EXPECT_EQ(net.find(kByPage), std::string::npos);
+}
+
+// On a phone nothing is wider than the screen; on paper every page has something on it, and the charts are
+// there.
+TEST_F(ReportApps, IsReadableOnAPhoneAndPrints) {
+  for (const char* program : {"chromium --version", "pdftoppm -v"}) {
+    if (test::runProgram(program).exit_code != 0) GTEST_SKIP() << program << " is not installed";
+  }
+  record(2, 40);
+  ASSERT_EQ(test::runProgram(SERVOCAL_REPORT " " + path("run")).exit_code, 0);
+  const auto browser = test::runProgram("timeout 300 python3 " SERVOCAL_REPORT_BROWSER " " +
+                                        path("run/report.html") + " " + path("seen"));
+  ASSERT_EQ(browser.exit_code, 0) << browser.err;
+  const auto seen = nlohmann::json::parse(browser.out);
+  for (const char* screen : {"phone", "desk"}) {
+    EXPECT_GT(seen[screen]["drawn"], 20) << browser.out;
+    EXPECT_EQ(seen[screen]["overflow"], 0) << screen;
+    EXPECT_EQ(seen[screen]["cut"], nlohmann::json::array()) << screen;
+    EXPECT_EQ(seen[screen]["blank"], 0) << screen;
+  }
+  EXPECT_GE(seen["pages"].size(), 5u);
+  double most_color = 0.0, least_ink = 1.0;
+  for (const auto& page : seen["pages"]) {
+    most_color = std::max(most_color, page["color"].get<double>());
+    least_ink = std::min(least_ink, page["ink"].get<double>());
+  }
+  std::cout << seen["pages"].size() << " pages, the emptiest with " << 100 * least_ink << " % ink\n";
+  EXPECT_GT(least_ink, 0.005) << "a page is blank";
+  EXPECT_GT(most_color, 0.05) << "no chart has color";
+  const auto text = test::runProgram("pdftotext -layout " + path("seen/report.pdf") + " -");
+  // The last columns of wide tables are not cut off.
+  for (const char* part : {"Goal met", "good is", "below 1 mm", "rotation vector", "Good looks like",
+                           "Tilt limits", "Residual per view", "Timeline", "Provenance"})
+    expectPart(text.out, part);
 }
 
 // Negative control: a page that does ask and does complain is noticed by the same measures.

@@ -99,6 +99,23 @@ TEST(Resume, GoesOnWhereItStoppedAndIsAsGood) {
   EXPECT_EQ(taken("resume"), 3 * 3);
   const auto log = session.events();
   EXPECT_EQ(std::count_if(log.begin(), log.end(), [](const auto& line) { return line.kind == "tilt limit"; }), 6);
+  // The log tells the parts apart, what ended each, and after which drive the next one began.
+  const auto lines = [&](const char* kind) {
+    std::vector<std::string> messages;
+    for (const auto& line : log) {
+      if (line.kind == kind) messages.push_back(line.message);
+    }
+    return messages;
+  };
+  ASSERT_EQ(lines("begin").size(), 4u);
+  EXPECT_EQ(lines("begin").front(), "0");
+  EXPECT_LT(std::stoi(lines("begin")[1]), std::stoi(lines("begin")[2]));
+  ASSERT_EQ(lines("interrupted").size(), 3u);
+  test::expectPart(lines("interrupted")[2], "Stopped by the operator");
+  EXPECT_EQ(lines("end").size(), 1u);
+  EXPECT_EQ(lines("fault").size(), 0u);
+  EXPECT_EQ(lines("stage").front().rfind("bootstrap: ", 0), 0u);
+
   std::cout << "camera off by " << 1e3 * uninterrupted.camera_error_m << " mm uninterrupted, "
             << 1e3 * resumed.camera_error_m << " mm interrupted three times\n";
   // The arm's own error is 0.3 mm.

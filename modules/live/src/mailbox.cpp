@@ -42,10 +42,13 @@ void Mailbox::put(const procedure::Look& look) {
   numbered->number = ++looks_;
   auto& slot = newest_.looks[{look.camera, look.frame.stream}];
   last = std::exchange(slot, std::move(numbered));
-  append(newest_.servo,
-         {toSeconds(look.arm.stamp), look.error_px, look.arm.twist.linear_mps.norm(),
-          look.arm.twist.angular_radps.norm()},
-         kServoSamples);
+  ServoSample sample;
+  sample.at_s = toSeconds(look.arm.stamp);
+  sample.error_px = look.error_px;
+  sample.speed_mps = look.arm.twist.linear_mps.norm();
+  if (const auto& wanted = look.arm.guard.wanted) sample.wanted_mps = wanted->linear_mps.norm();
+  sample.turn_radps = look.arm.twist.angular_radps.norm();
+  append(newest_.servo, sample, kServoSamples);
 }
 
 void Mailbox::put(const Ending& ending) {

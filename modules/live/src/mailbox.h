@@ -28,6 +28,7 @@ struct ServoSample {
   double at_s = 0.0;
   std::optional<double> error_px;
   double speed_mps = 0.0;
+  std::optional<double> wanted_mps;  ///< Speed that is commanded.
   double turn_radps = 0.0;
 };
 

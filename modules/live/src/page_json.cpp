@@ -80,17 +80,36 @@ const procedure::Look* newestLook(const Snapshot& snapshot) {
   return newest ? &newest->look : nullptr;
 }
 
+/// mm/s, then deg/s.
+Json twistTree(const std::optional<Twist<Base>>& twist) {
+  if (!twist) return nullptr;
+  Json tree = Json::array();
+  for (const double part : twist->linear_mps) tree.push_back(rounded(part * 1e3, 1));
+  for (const double part : twist->angular_radps) tree.push_back(rounded(part * kDegPerRad, 2));
+  return tree;
+}
+
+Json guardTree(const procedure::GuardLook& guard) {
+  return {{"wanted", twistTree(guard.wanted)},
+          {"applied", twistTree(guard.applied)},
+          {"rule", guard.rule},
+          {"reason", guard.reason},
+          {"refused", guard.refused},
+          {"interventions", guard.interventions},
+          {"refused_at_s", guard.refused_at ? Json(rounded(toSeconds(*guard.refused_at), 1)) : Json(nullptr)},
+          {"refused_reason", guard.refused_reason}};
+}
+
 Json armTree(const procedure::Look& look, const MotionLimits& limits) {
   const procedure::ArmLook& arm = look.arm;
-  const Eigen::Vector3d v_mmps = arm.twist.linear_mps * 1e3, w_degps = arm.twist.angular_radps * kDegPerRad;
-  Json twist = Json::array();
-  for (const double part : v_mmps) twist.push_back(rounded(part, 1));
-  for (const double part : w_degps) twist.push_back(rounded(part, 2));
+  const double speed_mmps = arm.twist.linear_mps.norm() * 1e3,
+               turn_degps = arm.twist.angular_radps.norm() * kDegPerRad;
   return {{"at_s", rounded(toSeconds(arm.stamp), 2)},
-          {"twist", twist},
-          {"speed_mmps", rounded(v_mmps.norm(), 1)},
+          {"twist", twistTree(arm.twist)},
+          {"guard", guardTree(arm.guard)},
+          {"speed_mmps", rounded(speed_mmps, 1)},
           {"max_speed_mmps", rounded(limits.max_speed_mps * 1e3, 1)},
-          {"turn_degps", rounded(w_degps.norm(), 2)},
+          {"turn_degps", rounded(turn_degps, 2)},
           {"max_turn_degps", rounded(limits.max_angular_speed_radps * kDegPerRad, 2)},
           {"joint_room_deg", rounded(arm.joint_room_rad * kDegPerRad, 1)},
           {"joint_margin_deg", rounded(limits.joint_margin_rad * kDegPerRad, 1)},
@@ -104,11 +123,13 @@ Json servoTree(const std::deque<ServoSample>& samples) {
   Json tree = {{"at_s", Json::array()},
                {"error_px", Json::array()},
                {"speed_mmps", Json::array()},
+               {"wanted_mmps", Json::array()},
                {"turn_degps", Json::array()}};
   for (const ServoSample& sample : samples) {
     tree["at_s"].push_back(rounded(sample.at_s, 2));
     tree["error_px"].push_back(orNull(sample.error_px, 1.0, 2));
     tree["speed_mmps"].push_back(rounded(sample.speed_mps * 1e3, 1));
+    tree["wanted_mmps"].push_back(orNull(sample.wanted_mps, 1e3, 1));
     tree["turn_degps"].push_back(rounded(sample.turn_radps * kDegPerRad, 2));
   }
   return tree;

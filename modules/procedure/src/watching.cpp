@@ -35,6 +35,24 @@ std::optional<double> distancePx(const BoardDetection& detection, const CameraMo
   return std::sqrt(squares_px2 / static_cast<double>(detection.corners.size()));
 }
 
+GuardLook lookAt(const robot::Guard& guard, Instant now) {
+  const robot::GuardRecord& record = guard.record();
+  GuardLook look;
+  if (record.at && now - *record.at < guard.options().command_timeout) {
+    look.wanted = record.newest.wanted;
+    look.applied = record.newest.applied;
+    look.rule = toString(record.newest.rule);
+    look.reason = record.newest.reason;
+    look.refused = record.newest.refused();
+  }
+  for (const auto& [rule, count] : record.interventions) look.interventions[toString(rule)] = count;
+  if (record.refused_at) {
+    look.refused_at = record.refused_at;
+    look.refused_reason = record.refused.reason;
+  }
+  return look;
+}
+
 ArmLook lookAt(robot::Guard& guard, const RobotState& state) {
   ArmLook arm;
   arm.stamp = state.stamp;
@@ -69,6 +87,7 @@ void Run::show(Eye& eye, const SeenFrame& seen) {
     if (expected) look.surprise_px = distancePx(*seen.detection, eye.model(), *expected, cell_.board);
   }
   look.arm = lookAt(guard(), guard().state());
+  look.arm.guard = lookAt(guard(), now);
   on_look_(look);
 }
 

@@ -5,7 +5,8 @@ const kConfig = {
   font: 'system-ui, sans-serif',
   view: {stroke: '#dde2e7'},
   axis: {labelFontSize: 11, titleFontSize: 12, titleFontWeight: 'normal', gridColor: '#eceff2'},
-  legend: {labelFontSize: 11, titleFontSize: 12, titleFontWeight: 'normal', orient: 'bottom'},
+  legend: {labelFontSize: 11, titleFontSize: 12, titleFontWeight: 'normal', orient: 'bottom', columns: 2,
+    layout: {bottom: {direction: 'vertical', anchor: 'start'}}},
 };
 const kUsedColors = {domain: ['used', 'left out'], range: ['#31688e', '#d1495b']};
 
@@ -237,15 +238,21 @@ export function depthCorrection(depth) {
 const kLogRow = 'log';
 /** What the log tells, by kind: color of its mark; those with a line across are where a run was broken off, or went on. */
 export const kLogKinds = {note: '#8a94a0', arm: '#8d7cc3', resumed: '#31688e', end: '#1a7f4b', interrupted: '#f0a35e', fault: '#d1495b', lost: '#1c2127'};
+const kDriveEnds = {reached: '#7fc8a0', plateau: '#c9d66b', target_lost: '#f0a35e', unreachable: '#b8c0c8', limit: '#8d7cc3', stopped: '#d1495b'};
 export const kBreaks = ['resumed', 'interrupted', 'fault', 'lost'];
+
+/** Colors of those that occur. */
+function scaleOf(colors, names) {
+  const domain = Object.keys(colors).filter((name) => names.includes(name));
+  return {domain, range: domain.map((name) => colors[name])};
+}
 
 /** One row for each stage: pale while it lasts, its drives over it; below, what the log says. */
 export function timeline({drives, stages, log}) {
   const rows = [...new Set([...stages, ...drives].map((bar) => bar.stage)), ...(log.length ? [kLogRow] : [])];
   const time = (field) => ({field, type: 'quantitative', title: 'time of the run, s', scale: {nice: false, zero: true}});
   const row = {type: 'nominal', title: null, scale: {domain: rows}};
-  const kinds = Object.keys(kLogKinds).filter((kind) => log.some((line) => line.kind === kind));
-  const kind = {field: 'kind', type: 'nominal', title: 'log', scale: {domain: kinds, range: kinds.map((name) => kLogKinds[name])}};
+  const kind = {field: 'kind', type: 'nominal', title: 'log', scale: scaleOf(kLogKinds, log.map((line) => line.kind))};
   const told = ['at_s', 'kind', 'text'].map((field) => ({field}));
   const lines = log.map((line) => ({...line, row: kLogRow}));
   return spec([], {
@@ -257,14 +264,12 @@ export function timeline({drives, stages, log}) {
           tooltip: ['stage', 'of', 'start_s', 'end_s'].map((field) => ({field}))}},
       {data: {values: drives}, mark: {type: 'bar', tooltip: true, cornerRadius: 1, height: {band: 0.6}},
         encoding: {x: time('start_s'), x2: {field: 'end_s'}, y: {field: 'stage', ...row},
-          color: {field: 'status', type: 'nominal', title: 'drive ended', scale: {
-            domain: ['reached', 'plateau', 'target_lost', 'unreachable', 'limit', 'stopped'],
-            range: ['#7fc8a0', '#c9d66b', '#f0a35e', '#cfd5da', '#8d7cc3', '#d1495b']}},
+          color: {field: 'status', type: 'nominal', title: 'drive ended', scale: scaleOf(kDriveEnds, drives.map((bar) => bar.status))},
           tooltip: ['stage', 'camera', 'start_s', 'end_s', 'status', 'reason'].map((field) => ({field}))}},
       {data: {values: lines.filter((line) => kBreaks.includes(line.kind))}, mark: {type: 'rule', strokeWidth: 1.5},
         encoding: {x: time('at_s'), color: {...kind, legend: null}, tooltip: told}},
       {data: {values: lines}, mark: {type: 'point', filled: true, size: 46, opacity: 0.9, tooltip: true},
         encoding: {x: time('at_s'), y: {field: 'row', ...row}, color: kind, tooltip: told}},
-    ],
+    ].filter((layer) => layer.data.values.length),
   });
 }

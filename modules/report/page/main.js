@@ -129,12 +129,21 @@ function depthSection(camera) {
       figures.push(chart('Depth error over the image, corrected', 'pale everywhere; a colored region is a shape the correction misses.', charts.depthOverImage(depth, infrared, 'after_mm'), {many: true}));
     }
   }
+  if (camera.overlay?.pictures) figures.push(overlayPictures(camera.overlay.pictures));
   if (camera.overlay) figures.push(overlayFigure(camera.overlay));
   if (depth.correction.length) figures.push(chart('The correction over the image', 'smooth, without steps between neighbors.', charts.depthCorrection(depth)));
   return [element('h3', {}, `${camera.name}: depth (${depth.sensor.replaceAll('_', ' ')})`),
     element('p', {}, `Solved from ${depth.patches} patches in ${depth.views} views, ${depth.near_m} to ${depth.far_m} m; beyond, it extrapolates.`),
     table([['at', (row) => `${row.at_m} m`], ['correction known to (1 sigma)', (row) => `${row.sigma_mm} mm`, true]], depth.sigma),
     ...depth.notes.map((note) => element('p', {}, note)), grid(...figures)];
+}
+
+/** Color, infrared and depth of one view in one picture each, over the whole image. */
+function overlayPictures({before, after}) {
+  const picture = (source, title) => element('figure', {}, element('img', {src: source, alt: title}), element('figcaption', {}, title));
+  return figure('Color, infrared and depth over each other',
+    'in the right picture the board (in a real cell: everything) has no red or cyan fringes, and yellow runs along its rim. Blue and green: color. Red: infrared, carried over by its depth. Yellow: jumps of the depth. Dark: no depth there. A simulated cell’s wall and arm are not the same for both cameras.',
+    element('div', {class: 'pair'}, picture(before, 'before: by the data sheets, both cameras in one place'), picture(after, 'after: by the result')), true);
 }
 
 function overlayFigure(shown) {

@@ -138,7 +138,8 @@ export function showScene(canvas, data) {
   const eye = new THREE.PerspectiveCamera(45, 1, 0.01, 100);
   eye.up.set(0, 0, 1);
   const centre = bounds.getCenter(new THREE.Vector3());
-  const distance = 0.8 * bounds.getSize(new THREE.Vector3()).length();
+  const narrow = Math.max(1, (1.5 * canvas.clientHeight) / Math.max(1, canvas.clientWidth));  // a phone's
+  const distance = 0.8 * narrow * bounds.getSize(new THREE.Vector3()).length();
   eye.position.copy(centre).add(new THREE.Vector3(0.65, -0.65, 0.45).multiplyScalar(distance));
   const controls = new OrbitControls(eye, canvas);
   controls.target.copy(centre);

@@ -183,7 +183,8 @@ Json depthTree(const ReportInput& input, const CameraResult& camera) {
 }
 
 /// Every corner for the numbers, one view for the eye: the one with most corners.
-Json overlayTree(const std::vector<OverlayCorner>& corners) {
+Json overlayTree(const ReportInput& input, const CameraResult& camera,
+                 const std::vector<OverlayCorner>& corners) {
   std::map<std::int64_t, int> of_view;
   double before_px2 = 0.0, after_px2 = 0.0;
   int before = 0, after = 0;
@@ -205,6 +206,8 @@ Json overlayTree(const std::vector<OverlayCorner>& corners) {
     tree["corners"].push_back(
         {{"color", point(corner.color)}, {"before", point(corner.before)}, {"after", point(corner.after)}});
   }
+  if (const auto pictures = overlayPictures(input, camera, most->first))
+    tree["pictures"] = {{"before", pictures->before}, {"after", pictures->after}};
   return tree;
 }
 
@@ -236,7 +239,7 @@ Json cameraData(const ReportInput& input, const CameraResult& camera) {
   }
   if (camera.depth) tree["depth"] = depthTree(input, camera);
   if (const auto overlay = overlayCorners(input, camera); !overlay.empty())
-    tree["overlay"] = overlayTree(overlay);
+    tree["overlay"] = overlayTree(input, camera, overlay);
   if (camera.held_out) {
     tree["held_out"] = {{"views", camera.held_out->views},
                         {"rms_px", rounded(camera.held_out->rms_px, 3)},

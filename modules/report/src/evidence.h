@@ -67,6 +67,15 @@ struct OverlayCorner {
 /// Of all observations in which both streams saw the board and depth was measured.
 std::vector<OverlayCorner> overlayCorners(const ReportInput& input, const CameraResult& camera);
 
+/// Infrared and depth drawn into the whole color image of one view, as data URLs.
+struct OverlayPictures {
+  std::string before, after;  ///< As in OverlayCorner.
+};
+
+/// Nothing if the session kept no images of that view, or the cell file does not know the camera.
+std::optional<OverlayPictures> overlayPictures(const ReportInput& input, const CameraResult& camera,
+                                               std::int64_t view);
+
 /// Poses of the board in the robot's base, of all observations with a robot pose (fixed cameras); or of the
 /// camera that moves.
 struct VisitedPose {

@@ -22,19 +22,19 @@ Json mapTree(const ProjectionMap& map) {
 Json cameraTree(const JointCameraResult& camera) {
   const Eigen::Matrix<double, 6, 1> sigma = camera.pose_covariance.diagonal().cwiseSqrt();
   Json tree = {{"camera", camera.camera},
-          {"stream", toString(camera.stream)},
-          {"width_px", camera.model.width_px},
-          {"height_px", camera.model.height_px},
-          {"views", camera.views},
-          {"rms_px", rounded(camera.rms_px, 4)},
-          {"corner_scale", rounded(camera.corner_scale, 2)},
-          {"place_sigma_mm", rounded(sigma.head<3>().norm() * 1e3, 3)},
-          {"direction_sigma_deg", rounded(sigma.tail<3>().norm() * kDegPerRad, 4)},
-          {"range_m", rounded(camera.range_m, 3)},
-          {"at_range", mapTree(camera.at_range)},
-          {"at_infinity", mapTree(camera.at_infinity)},
-          {"workspace_worst_mm", rounded(camera.workspace.worst_m * 1e3, 3)},
-          {"workspace_rms_mm", rounded(camera.workspace.rms_m * 1e3, 3)}};
+               {"stream", toString(camera.stream)},
+               {"width_px", camera.model.width_px},
+               {"height_px", camera.model.height_px},
+               {"views", camera.views},
+               {"rms_px", rounded(camera.rms_px, 4)},
+               {"corner_scale", rounded(camera.corner_scale, 2)},
+               {"place_sigma_mm", rounded(sigma.head<3>().norm() * 1e3, 3)},
+               {"direction_sigma_deg", rounded(sigma.tail<3>().norm() * kDegPerRad, 4)},
+               {"range_m", rounded(camera.range_m, 3)},
+               {"at_range", mapTree(camera.at_range)},
+               {"at_infinity", mapTree(camera.at_infinity)},
+               {"workspace_worst_mm", rounded(camera.workspace.worst_m * 1e3, 3)},
+               {"workspace_rms_mm", rounded(camera.workspace.rms_m * 1e3, 3)}};
   if (camera.halves) {
     tree["halves"] = {{"rms_px", rounded(camera.halves->rms_px, 3)},
                       {"claimed_px", rounded(camera.halves->claimed_px, 3)}};

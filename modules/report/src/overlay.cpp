@@ -4,6 +4,7 @@
 #include <map>
 
 #include "evidence.h"
+#include "overlay_picture.h"
 #include "servocal/core/cell_config.h"
 
 namespace servocal::report {
@@ -65,6 +66,39 @@ std::vector<OverlayCorner> overlayCorners(const ReportInput& input, const Camera
     }
   }
   return overlay;
+}
+
+std::optional<OverlayPictures> overlayPictures(const ReportInput& input, const CameraResult& camera,
+                                               std::int64_t view) {
+  const std::optional<Nominal> nominal = nominalOf(input, camera.camera);
+  if (!camera.depth || !camera.infrared || !camera.color_infrared || !nominal || input.folder.empty())
+    return std::nullopt;
+  OverlayImages images;
+  for (const Observation& observation : input.observations) {
+    if (observation.id != view) continue;
+    for (const StreamObservation& seen : observation.views) {
+      if (seen.camera != camera.camera) continue;
+      if (seen.stream == Stream::kColor) {
+        images.color = readGray(input.folder, seen.image_file);
+        for (const Corner& corner : seen.detection.corners) {
+          const auto at = cv::Point(static_cast<int>(corner.pixel.x()), static_cast<int>(corner.pixel.y()));
+          const cv::Rect one(at, cv::Size(1, 1));
+          images.board = images.board.empty() ? one : images.board | one;
+        }
+      }
+      if (seen.stream != Stream::kInfrared || !seen.depth) continue;
+      images.infrared = readGray(input.folder, seen.image_file);
+      images.depth = readCounts(input.folder, seen.depth->image_file);
+    }
+  }
+  DepthModel as_delivered;
+  as_delivered.sensor = camera.depth->model.sensor;
+  as_delivered.camera = nominal->infrared;
+  const Registration before{nominal->color, as_delivered, Pose<Color, Infrared>::identity()};
+  const Registration after{camera.intrinsics.camera, camera.depth->model,
+                           Pose<Color, Infrared>(camera.color_infrared->first_by_second)};
+  if (!fits(images, before) || !fits(images, after)) return std::nullopt;
+  return OverlayPictures{jpegDataUrl(drawOverlay(images, before)), jpegDataUrl(drawOverlay(images, after))};
 }
 
 }  // namespace servocal::report

@@ -178,6 +178,7 @@ ReportInput loadReportInput(const std::filesystem::path& session_or_result) {
   input.result = session::loadResult(result);
   if (!session::isSession(folder)) return input;
   const session::Session recorded = session::Session::open(folder);
+  input.folder = folder;
   input.observations = recorded.observations();
   input.attempts = recorded.attempts();
   for (session::SessionEvent& event : recorded.events())

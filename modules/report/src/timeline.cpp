@@ -40,7 +40,8 @@ std::vector<Part> partsOf(const ReportInput& input) {
 
 /// Lines that the program reads again, and what is drawn in other ways.
 bool isForPeople(const LogLine& line) {
-  static const std::set<std::string> others = {"begin", "stage", "options", "device", "turn over", "tilt limit"};
+  static const std::set<std::string> others = {"begin",  "stage",     "options",
+                                               "device", "turn over", "tilt limit"};
   return others.count(line.kind) == 0;
 }
 
@@ -55,7 +56,9 @@ std::string kindOf(const LogLine& line) {
 class Timeline {
  public:
   void add(const Part& part, bool resumed) {
-    const auto seconds = [&](Instant instant) { return rounded(toSeconds(begin_ + instant.time_since_epoch()), 3); };
+    const auto seconds = [&](Instant instant) {
+      return rounded(toSeconds(begin_ + instant.time_since_epoch()), 3);
+    };
     for (const Attempt& drive : part.drives) {
       drives_.push_back({{"stage", drive.stage},
                          {"camera", drive.camera},
@@ -90,7 +93,8 @@ class Timeline {
       if (isForPeople(line)) say(seconds(line.stamp), kind, line.message);
     }
     closeStage(end);
-    const bool knows_ends = !part.log.empty() && part.log.front().kind == "begin";  // Older programs wrote none.
+    const bool knows_ends =
+        !part.log.empty() && part.log.front().kind == "begin";  // Older programs wrote none.
     if (knows_ends && !ended)
       say(seconds(end), "lost", "The log ends here: the program was killed, or the power failed.");
     begin_ += part.length;

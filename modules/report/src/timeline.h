@@ -6,8 +6,8 @@
 
 namespace servocal::report {
 
-/// The run from its begin to its end: drives, stages, and what was said, stopped and failed. Parts of a run that was
-/// interrupted and resumed follow each other.
+/// The run from its begin to its end: drives, stages, and what was said, stopped and failed. Parts of a run
+/// that was interrupted and resumed follow each other.
 Json timelineData(const ReportInput& input);
 
 }  // namespace servocal::report

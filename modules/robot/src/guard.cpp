@@ -130,9 +130,11 @@ void Guard::setObstacles(const std::vector<Sphere>& obstacles) {
   rules_->setObstacles(obstacles);
 }
 
-GuardVerdict Guard::emergency(GuardRule rule, std::string reason) {
+GuardVerdict Guard::emergency(const Motion& wanted, GuardRule rule, std::string reason) {
   stopNow();
   GuardVerdict verdict;
+  if (wanted.kind == Motion::Kind::kTwist && wanted.velocity.allFinite())
+    verdict.wanted = {wanted.velocity.head<3>(), wanted.velocity.tail<3>()};
   verdict.rule = rule;
   verdict.braking = true;
   verdict.reason = std::move(reason);
@@ -140,8 +142,25 @@ GuardVerdict Guard::emergency(GuardRule rule, std::string reason) {
 }
 
 void Guard::stopNow() {
+  noteRest();
   *last_applied_ = atRest();
   arm_.stop(MotionKey());
+}
+
+GuardVerdict Guard::noted(GuardVerdict verdict) {
+  record_.at = clock_.now();
+  record_.newest = verdict;
+  if (verdict.rule != GuardRule::kNone) ++record_.interventions[verdict.rule];
+  if (verdict.refused()) {
+    record_.refused_at = record_.at;
+    record_.refused = verdict;
+  }
+  return verdict;
+}
+
+void Guard::noteRest() {
+  record_.at = clock_.now();
+  record_.newest = {};
 }
 
 void Guard::apply(const Motion& motion, Instant now, std::optional<Instant> seen) {
@@ -160,28 +179,28 @@ void Guard::apply(const Motion& motion, Instant now, std::optional<Instant> seen
 }
 
 GuardVerdict Guard::command(const Twist<Base>& wanted, std::optional<Instant> seen) {
-  return judge({Motion::Kind::kTwist, stacked(wanted)}, seen);
+  return noted(judge({Motion::Kind::kTwist, stacked(wanted)}, seen));
 }
 
 GuardVerdict Guard::commandJoints(const Eigen::VectorXd& wanted_radps, std::optional<Instant> seen) {
   if (wanted_radps.size() != kinematics_.joints())
     throw std::invalid_argument("guard: expected " + std::to_string(kinematics_.joints()) + " joint speeds");
-  return judge({Motion::Kind::kJoints, wanted_radps}, seen);
+  return noted(judge({Motion::Kind::kJoints, wanted_radps}, seen));
 }
 
 GuardVerdict Guard::judge(const Motion& wanted, std::optional<Instant> seen) {
-  if (operatorStopped()) return emergency(GuardRule::kOperatorStop, "The operator asked to stop.");
+  if (operatorStopped()) return emergency(wanted, GuardRule::kOperatorStop, "The operator asked to stop.");
   if (!wanted.velocity.allFinite())
-    return emergency(GuardRule::kNonFinite, "The commanded motion is not a number; the arm was stopped.");
+    return emergency(wanted, GuardRule::kNonFinite, "The commanded motion is not a number; the arm was stopped.");
   const RobotState state = arm_.state();
   if (state.q.size() != kinematics_.joints() || !isFinite(state))
-    return emergency(GuardRule::kNonFinite, "The arm's reported state is not a number; it was stopped.");
+    return emergency(wanted, GuardRule::kNonFinite, "The arm's reported state is not a number; it was stopped.");
   const Instant now = clock_.now();
   if (seen && *seen > now)
-    return emergency(GuardRule::kStaleFrame, "The camera frame is from the future (" +
+    return emergency(wanted, GuardRule::kStaleFrame, "The camera frame is from the future (" +
                                                  milliseconds(*seen - now) + "); check the clocks.");
   if (seen && now - *seen >= options_.max_frame_age)
-    return emergency(GuardRule::kStaleFrame, "The camera frame is " + milliseconds(now - *seen) +
+    return emergency(wanted, GuardRule::kStaleFrame, "The camera frame is " + milliseconds(now - *seen) +
                                                  " old; the limit is " +
                                                  milliseconds(options_.max_frame_age) + ".");
 
@@ -272,11 +291,13 @@ GuardVerdict Guard::judge(const Motion& wanted, std::optional<Instant> seen) {
   verdict.braking = hindered && creeps(applied) && !creeps(wanted);
 
   apply(applied, now, seen);
+  verdict.wanted = here.twist(wanted);
   verdict.applied = here.twist(applied);
   return verdict;
 }
 
 void Guard::stopAndWait() {
+  noteRest();
   const Instant give_up = clock_.now() + fromSeconds(kStopWithinS);
   while (!last_applied_->isZero() && clock_.now() <= expires_ && !operatorStopped()) {
     const RobotState state = arm_.state();

@@ -32,6 +32,13 @@ procedure::Look lookAt(const std::string& camera, int shade, int width_px = 1920
   look.arm.stamp = Instant(std::chrono::milliseconds(1000));
   look.arm.twist.linear_mps = {0.03, -0.04, 0.0};
   look.arm.max_frame_age = std::chrono::milliseconds(150);
+  look.arm.guard.wanted = Twist<Base>{{0.06, -0.08, 0.0}, {0.0, 0.0, 0.1}};
+  look.arm.guard.applied = Twist<Base>{{0.03, -0.04, 0.0}, {0.0, 0.0, 0.05}};
+  look.arm.guard.rule = "speed";
+  look.arm.guard.reason = "Slowed down to the speed limits.";
+  look.arm.guard.interventions = {{"speed", 12}, {"workspace", 1}};
+  look.arm.guard.refused_at = Instant(std::chrono::milliseconds(400));
+  look.arm.guard.refused_reason = "The board would leave the workspace.";
   look.corners = {{100.0, 200.0}, {300.04, 400.0}};
   look.goal = {{1, 2}, {3, 4}, {5, 6}, {7, 8}};
   look.error_px = 12.345;
@@ -151,8 +158,31 @@ TEST_F(LiveServer, StateTellsWhatTheRunTold) {
   EXPECT_EQ(state["arm"]["speed_mmps"], 50.0);
   EXPECT_EQ(state["arm"]["frame_age_ms"], 65.0);
   EXPECT_EQ(state["arm"]["max_frame_age_ms"], 150.0);
+  EXPECT_EQ(state["arm"]["twist"], (std::vector<double>{30, -40, 0, 0, 0, 0}));
   EXPECT_EQ(state["servo"]["error_px"][0], 12.35);
+  EXPECT_EQ(state["servo"]["wanted_mmps"][0], 100.0);
   EXPECT_EQ(state["ending"], nullptr);
+}
+
+// What is commanded beside what is measured, and what the guard makes of it.
+TEST_F(LiveServer, StateTellsTheGuardsVerdict) {
+  procedure::Look look = lookAt("cam1", 1);
+  server_.show(look);
+  const Json guard = get("/state")["arm"]["guard"];
+  EXPECT_EQ(guard["wanted"], (std::vector<double>{60, -80, 0, 0, 0, 5.73}));
+  EXPECT_EQ(guard["applied"], (std::vector<double>{30, -40, 0, 0, 0, 2.86}));
+  EXPECT_EQ(guard["rule"], "speed");
+  EXPECT_EQ(guard["reason"], "Slowed down to the speed limits.");
+  EXPECT_EQ(guard["refused"], false);
+  EXPECT_EQ(guard["interventions"], (Json{{"speed", 12}, {"workspace", 1}}));
+  EXPECT_EQ(guard["refused_at_s"], 0.4);
+  EXPECT_EQ(guard["refused_reason"], "The board would leave the workspace.");
+  look.arm.guard = {};  // Nothing is commanded.
+  server_.show(look);
+  const Json state = get("/state");
+  EXPECT_EQ(state["arm"]["guard"]["wanted"], nullptr);
+  EXPECT_EQ(state["arm"]["guard"]["refused_at_s"], nullptr);
+  EXPECT_EQ(state["servo"]["wanted_mmps"][1], nullptr);
 }
 
 TEST_F(LiveServer, LooksAreTheNewestAndDecode) {

@@ -185,7 +185,7 @@ TEST_F(Report, JsonHoldsEveryPlotsNumbers) {
   }
   EXPECT_EQ(tree["scene"]["cameras"].size(), 4u);
   EXPECT_EQ(tree["scene"]["moving"].size(), 60u);
-  EXPECT_EQ(tree["timeline"].size(), 60u);
+  EXPECT_EQ(tree["timeline"]["drives"].size(), 60u);
   EXPECT_EQ(tree["provenance"]["cell_file"], input_.cell_text);
   // A result alone has less to show, and shows it.
   input_.observations.clear();

@@ -408,6 +408,37 @@ TEST(Guard, ArmBrakesByItselfWhenCommandsCease) {
   EXPECT_GT(travelInSilence(control), 0.08);
 }
 
+// For those who watch: what was asked for, what came of it, and how often it was not the same.
+TEST(Guard, KeepsARecordOfItsVerdicts) {
+  Cell cell;
+  EXPECT_FALSE(cell.guard->record().at);
+  cell.hold(kUp, 0.4);
+  const GuardRecord& record = cell.guard->record();
+  EXPECT_EQ(record.newest.wanted.linear_mps.z(), kUp.linear_mps.z());
+  EXPECT_GT(record.interventions.at(GuardRule::kAcceleration), 3);
+  EXPECT_FALSE(record.refused_at);
+  Twist<Base> bad = kUp;
+  bad.linear_mps.x() = std::numeric_limits<double>::infinity();
+  cell.guard->command(bad);
+  EXPECT_EQ(record.at, cell.clock.now());
+  EXPECT_EQ(record.refused_at, cell.clock.now());
+  EXPECT_EQ(record.newest.rule, GuardRule::kNonFinite);
+  EXPECT_TRUE(record.newest.wanted.isZero());
+  // Joint speeds count as the twist they would make.
+  const Instant refused_at = cell.clock.now();
+  cell.clock.sleepFor(fromSeconds(0.5));
+  const Eigen::VectorXd turning = Eigen::VectorXd::Constant(cell.guard->kinematics().joints(), 0.01);
+  const GuardVerdict verdict = cell.guard->commandJoints(turning);
+  const Eigen::VectorXd twist = cell.guard->kinematics().jacobian(cell.guard->state().q) * turning;
+  EXPECT_NEAR((record.newest.wanted.linear_mps - twist.head<3>()).norm(), 0.0, 1e-12);
+  EXPECT_EQ(record.newest.rule, verdict.rule);
+  EXPECT_EQ(record.refused_at, refused_at);
+  // After a stop nothing is wanted.
+  cell.guard->stopNow();
+  EXPECT_TRUE(record.newest.wanted.isZero());
+  EXPECT_EQ(record.newest.rule, GuardRule::kNone);
+}
+
 TEST(Guard, OperatorStopIsImmediateAndLatched) {
   Cell cell;
   cell.hold(kUp, 0.3);

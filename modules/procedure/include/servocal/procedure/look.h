@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -27,6 +28,18 @@ struct EyeProgress {
   std::vector<TiltLimit> tilt_limits;
 };
 
+/// What the guard makes of the run's commands.
+struct GuardLook {
+  std::optional<Twist<Base>> wanted;   ///< The command in force, as it was asked for, and
+  std::optional<Twist<Base>> applied;  ///< what the guard let through of it. Nothing if none is in force.
+  std::string rule = "none";           ///< The strongest rule that intervened on it: "speed", "workspace", ...
+  std::string reason;                  ///< A sentence; empty for "none".
+  bool refused = false;                ///< It was turned down; the arm brakes or stands.
+  std::map<std::string, int> interventions;  ///< Commands of this run by the strongest rule that intervened.
+  std::optional<Instant> refused_at;         ///< Of the newest command that was refused,
+  std::string refused_reason;                ///< and why; these two outlast it.
+};
+
 /// What the arm does and how much room its limits leave.
 struct ArmLook {
   Instant stamp{};
@@ -35,6 +48,7 @@ struct ArmLook {
   double workspace_room_m = 0.0;  ///< Of the flange to the nearest side of the workspace; negative outside.
   Duration max_frame_age{};       ///< Commands that rest on an older frame are refused.
   bool operator_stopped = false;
+  GuardLook guard;
 };
 
 /// The newest frame of one eye, with what it shows.

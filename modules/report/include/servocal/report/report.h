@@ -20,6 +20,7 @@ struct LogLine {
 /// residual vectors, depth errors, visited poses, hand-eye error against views, the timeline.
 struct ReportInput {
   std::string source;  ///< Session folder or result file, for provenance.
+  std::filesystem::path folder;  ///< The session's, where its images are; empty without a session.
   CalibrationResult result;
   std::vector<Observation> observations;
   std::vector<Attempt> attempts;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -47,11 +48,22 @@ struct GuardOptions {
 
 /// What became of a command.
 struct GuardVerdict {
+  Twist<Base> wanted;                   ///< What was asked for; for joint speeds the twist they would make. Zero if
+                                        ///< it was refused before that could be said.
   Twist<Base> applied;                  ///< What the arm was told; for joint speeds the twist they make.
   GuardRule rule = GuardRule::kNone;    ///< The strongest rule that intervened.
   bool braking = false;                 ///< Refused: the arm brakes to rest, or stays there.
   std::string reason;                   ///< A sentence for the operator; empty for kNone.
   bool refused() const { return braking; }
+};
+
+/// What went through a guard so far, for those who watch.
+struct GuardRecord {
+  std::optional<Instant> at;               ///< Of the newest command, or of the stop that came after it.
+  GuardVerdict newest;                     ///< Zero after a stop.
+  std::optional<Instant> refused_at;       ///< Of the newest command that was refused,
+  GuardVerdict refused;                    ///< and why.
+  std::map<GuardRule, int> interventions;  ///< Commands on which each rule was the strongest to intervene.
 };
 
 /// The one object that owns the right to move the arm. Every command of the program goes through
@@ -126,6 +138,8 @@ class Guard {
   const Kinematics& kinematics() const { return kinematics_; }
   const MotionLimits& limits() const { return limits_; }
   const GuardOptions& options() const { return options_; }
+  /// Of the commands so far; to be read in the thread that commands.
+  const GuardRecord& record() const { return record_; }
   /// First and last instant at which the arm was told to move; nothing before the first.
   std::optional<std::pair<Instant, Instant>> motionSpan() const { return motion_span_; }
 
@@ -133,7 +147,9 @@ class Guard {
   Guard(Arm& arm, const Kinematics& kinematics, Clock& clock, const MotionLimits& limits, const BoardSpec& board,
         const GuardOptions& options, std::optional<CollisionModel> links);
   GuardVerdict judge(const Motion& wanted, std::optional<Instant> seen);
-  GuardVerdict emergency(GuardRule rule, std::string reason);
+  GuardVerdict emergency(const Motion& wanted, GuardRule rule, std::string reason);
+  GuardVerdict noted(GuardVerdict verdict);
+  void noteRest();
   void apply(const Motion& motion, Instant now, std::optional<Instant> seen);
 
   Arm& arm_;
@@ -143,6 +159,7 @@ class Guard {
   GuardOptions options_;
   std::unique_ptr<class PositionRules> rules_;
   std::unique_ptr<Motion> last_applied_;
+  GuardRecord record_;
   Instant last_command_{};
   Instant expires_{};  // When the arm brakes by itself unless told again.
   std::optional<std::pair<Instant, Instant>> motion_span_;
