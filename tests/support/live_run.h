@@ -42,15 +42,15 @@ class Pace {
   void frameLeaves() { frame_left_s_ = threadCpuS(); }
   Instant lastHeld() const { return last_held_; }
 
-  std::vector<double> cycles_s;  ///< Processor time of the loop's thread outside the camera, per frame.
-
- private:
   static double threadCpuS() {
     timespec now{};
     clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
     return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
   }
 
+  std::vector<double> cycles_s;  ///< Processor time of the loop's thread outside the camera, per frame.
+
+ private:
   Clock& simulated_;
   Steady::time_point begin_ = Steady::now();
   Instant last_held_{};
@@ -91,6 +91,7 @@ class PacedCamera final : public sensor::RgbdCamera {
 /// What became of a run that was stopped from the page, or after `length`.
 struct LiveRunOutcome {
   std::vector<double> cycles_s;
+  double hand_over_s = 0.0;  ///< Of all cycles together: what the loop spent in Server::show().
   std::optional<Steady::time_point> stop_heard;  ///< When the server was told to stop.
   double rest_after_s =
       0.0;  ///< Simulated time from then until the arm stood still, at most one cycle too long.
@@ -120,12 +121,17 @@ class LiveRun {
       if (!guard_.operatorStopped()) before_stop = pace_.lastHeld();
       if (length && clock_.now() >= Instant(*length)) guard_.operatorStop();
     };
+    const auto show = [&](const auto& what) {
+      const double begin_s = Pace::threadCpuS();
+      server_.show(what);
+      outcome.hand_over_s += Pace::threadCpuS() - begin_s;
+    };
     try {
       procedure::calibrate(
-          cell_, devices, session_, [&](const procedure::Event& event) { server_.show(event); }, {},
+          cell_, devices, session_, [&](const procedure::Event& event) { show(event); }, {},
           [&](const procedure::Look& look) {
             watch();
-            server_.show(look);
+            show(look);
           });
     } catch (const Error& error) {
       outcome.interrupted = error.kind() == ErrorKind::kInterrupted;
