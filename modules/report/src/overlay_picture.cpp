@@ -107,14 +107,14 @@ cv::Mat matched(const cv::Mat& image, const cv::Mat& to, const cv::Mat& mask) {
 }  // namespace
 
 cv::Mat readGray(const std::filesystem::path& folder, const std::string& file) {
-  if (file.empty()) return {};
+  if (file.empty() || !std::filesystem::exists(folder / file)) return {};
   cv::Mat image = cv::imread((folder / file).string(), cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
   if (image.depth() == CV_16U) cv::normalize(image.clone(), image, 0, 255, cv::NORM_MINMAX, CV_8U);
   return image;
 }
 
 cv::Mat readCounts(const std::filesystem::path& folder, const std::string& file) {
-  if (file.empty()) return {};
+  if (file.empty() || !std::filesystem::exists(folder / file)) return {};
   return cv::imread((folder / file).string(), cv::IMREAD_UNCHANGED);
 }
 
