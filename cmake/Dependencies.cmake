@@ -17,6 +17,7 @@ find_package(ompl 1.5 REQUIRED)
 pkg_check_modules(cairo REQUIRED IMPORTED_TARGET cairo cairo-pdf)
 pkg_check_modules(httplib REQUIRED IMPORTED_TARGET cpp-httplib)
 pkg_check_modules(libusb REQUIRED IMPORTED_TARGET libusb-1.0)
+pkg_check_modules(libfreenect REQUIRED IMPORTED_TARGET libfreenect)
 
 # OpenNI2 ships a pkg-config file alone, which names the library without its folder.
 pkg_check_modules(openni2 REQUIRED IMPORTED_TARGET libopenni2)

@@ -17,6 +17,7 @@ MODULES = {
     "sensor": {"core"},
     "sensor_usb": {"core"},
     "sensor_openni2": {"core", "sensor", "sensor_usb"},
+    "sensor_freenect": {"core", "sensor", "sensor_usb"},
     "sensor_v4l2": {"core", "sensor"},
     "robot": {"core"},
     "robot_ur": {"core", "robot"},
@@ -36,7 +37,8 @@ MODULES = {
     "app": {"core"},
     "app_arm": {"core", "robot", "robot_ur", "servo", "sim", "sim_ur_cell"},
     "app_dry_run": {"core", "coverage", "plan", "robot"},
-    "app_cameras": {"core", "sensor", "sensor_openni2", "sensor_v4l2", "sim", "sim_openni2_driver"},  # all drivers
+    "app_cameras": {  # all drivers
+        "core", "sensor", "sensor_openni2", "sensor_freenect", "sensor_v4l2", "sim", "sim_openni2_driver"},
 }
 
 # The one header of core that knows ViSP; its own target, core_visp.
@@ -74,6 +76,7 @@ IN_SOURCES = {
     "sensor": {"OpenCV"},
     "sensor_usb": {"libusb"},
     "sensor_openni2": {"OpenCV", "OpenNI2"},
+    "sensor_freenect": {"OpenCV", "libfreenect"},
     "sensor_v4l2": {"OpenCV"},
     "robot": {"KDL", "urdfdom", "OMPL", "FCL"},
     "calib": {"OpenCV", "Ceres"},

@@ -7,6 +7,7 @@
 
 #include "errors.h"
 #include "mock_usb.h"
+#include "servocal/sensor_freenect/camera.h"
 #include "servocal/sensor_openni2/camera.h"
 #include "servocal/sensor_usb/usb_cameras.h"
 
@@ -97,7 +98,25 @@ TEST_F(MockedUsb, AKinectWithoutAnOpenNi2DriverIsNamed) {
   test::expectPart(refusal(), "Kinect v2 012345643247 is plugged in (port 2-1)");
   test::expectPart(refusal(), "docs/cameras.md");
   add(test::mockText(kKinect1));
-  test::expectPart(refusal(), "a driver of ours is not there yet");
+  test::expectPart(refusal(), "say 'backend: freenect'");
+}
+
+// The real libfreenect: this mocked Kinect does not even tell its serial number.
+TEST_F(MockedUsb, AKinectThatLibfreenectCannotOpenIsNamed) {
+  WallClock clock;
+  CameraConfig config;
+  config.name = "front";
+  config.backend = CameraBackend::kFreenect;
+  config.width_px = 640;
+  config.height_px = 480;
+  const auto refusal = [&] {
+    return test::messageOf(ErrorKind::kHardwareAbsent, [&] { (void)freenect::openCamera(config, clock); });
+  };
+  test::expectPart(refusal(), "no Kinect v1 is plugged in");
+  EXPECT_EQ(refusal().find("port"), std::string::npos);
+  add(test::mockText(kKinect1));
+  test::expectPart(refusal(), "Kinect v1 A00362A01385118A is plugged in (port 1-3.1)");
+  test::expectPart(refusal(), "servocal-devices");
 }
 
 }  // namespace

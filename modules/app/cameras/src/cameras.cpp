@@ -2,8 +2,10 @@
 #include "servocal/app_cameras/cameras.h"
 
 #include <optional>
+#include <utility>
 
 #include "servocal/core/error.h"
+#include "servocal/sensor_freenect/camera.h"
 #include "servocal/sensor_openni2/camera.h"
 #include "servocal/sensor_v4l2/camera.h"
 #include "servocal/sim_openni2_driver/served_cameras.h"
@@ -13,6 +15,12 @@ namespace {
 
 [[noreturn]] void refuse(const CameraConfig& camera, const std::string& why) {
   throw Error(ErrorKind::kInvalidConfig, "Camera '" + camera.name + "': " + why);
+}
+
+void demandRealCell(const CameraConfig& camera, const std::string& backend, const sim::Cell* simulation) {
+  if (simulation != nullptr)
+    refuse(camera, "the backend '" + backend +
+                       "' reads real cameras only; in a simulated cell use 'sim' or 'openni2'.");
 }
 
 }  // namespace
@@ -35,25 +43,26 @@ struct Cameras::Impl {
     if (simulated) camera.device = sim_openni2_driver::uriOf(camera.name);
     openni2::OpenOptions how;
     how.lock_exposure = options.lock_exposure;
-    openni2::OpenedCamera opened = openni2::openCamera(camera, clock, how);
-    for (const std::string& note : opened.notes) notes.push_back("camera '" + camera.name + "': " + note);
-    keep(std::move(opened.camera));
+    keep(camera.name, openni2::openCamera(camera, clock, how));
   }
 
-  void openV4l2(const CameraConfig& camera, Clock& clock, bool simulated, const CameraOptions& options) {
-    if (simulated)
-      refuse(camera,
-             "the backend 'v4l2' reads real cameras only; in a simulated cell use 'sim' or 'openni2'.");
+  void openFreenect(const CameraConfig& camera, Clock& clock, const CameraOptions& options) {
+    freenect::OpenOptions how;
+    how.lock_exposure = options.lock_exposure;
+    keep(camera.name, freenect::openCamera(camera, clock, how));
+  }
+
+  void openV4l2(const CameraConfig& camera, Clock& clock, const CameraOptions& options) {
     v4l2::OpenOptions how;
     how.lock_exposure = options.lock_exposure;
-    v4l2::OpenedCamera opened = v4l2::openCamera(camera, clock, how);
-    for (const std::string& note : opened.notes) notes.push_back("camera '" + camera.name + "': " + note);
-    keep(std::move(opened.camera));
+    keep(camera.name, v4l2::openCamera(camera, clock, how));
   }
 
-  void keep(std::unique_ptr<sensor::RgbdCamera> camera) {
-    all.push_back(camera.get());
-    own.push_back(std::move(camera));
+  template <class Opened>
+  void keep(const std::string& name, Opened opened) {
+    for (const std::string& note : opened.notes) notes.push_back("camera '" + name + "': " + note);
+    all.push_back(opened.camera.get());
+    own.push_back(std::move(opened.camera));
   }
 };
 
@@ -67,8 +76,14 @@ Cameras::Cameras(const CellConfig& cell, Clock& clock, sim::Cell* simulation, co
         impl_->all.push_back(&simulation->camera(camera.name));
         break;
       case CameraBackend::kOpenNi2: impl_->openOpenNi2(camera, clock, simulation != nullptr, options); break;
-      case CameraBackend::kV4l2: impl_->openV4l2(camera, clock, simulation != nullptr, options); break;
-      case CameraBackend::kFreenect: refuse(camera, "this driver is not there yet.");
+      case CameraBackend::kFreenect:
+        demandRealCell(camera, "freenect", simulation);
+        impl_->openFreenect(camera, clock, options);
+        break;
+      case CameraBackend::kV4l2:
+        demandRealCell(camera, "v4l2", simulation);
+        impl_->openV4l2(camera, clock, options);
+        break;
     }
   }
 }

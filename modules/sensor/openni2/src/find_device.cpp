@@ -29,7 +29,7 @@ std::string withoutDriver(const std::vector<Device>& seen) {
               "), but OpenNI2 has no driver for it: Debian has none; docs/cameras.md says how to build it.";
     } else if (camera.model.name == "Kinect v1") {
       text += " A " + name + " is plugged in (port " + camera.port +
-              "), but OpenNI2 has no driver for it here, and a driver of ours is not there yet.";
+              "), but OpenNI2 has no driver for it here: say 'backend: freenect' in the cell file.";
     } else if (camera.model.backend == CameraBackend::kOpenNi2 && !camera.may_open) {
       text += " A " + name + " is plugged in (port " + camera.port +
               "), but this user may not open it: servocal-devices says which udev rule helps.";

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "device_stream.h"
+#include "openni_stream.h"
 
 #include <algorithm>
 #include <set>
@@ -7,6 +7,7 @@
 #include "library.h"
 #include "pixels.h"
 #include "servocal/core/error.h"
+#include "servocal/sensor/infrared.h"
 
 namespace servocal::openni2 {
 namespace {
@@ -59,9 +60,9 @@ openni::VideoMode chooseMode(const openni::SensorInfo& info, const sensor::Strea
 
 }  // namespace
 
-DeviceStream::DeviceStream(openni::Device& device, const sensor::StreamMode& wanted,
-                           const std::string& camera)
-    : kind_(wanted.stream), camera_(camera) {
+OpenNiStream::OpenNiStream(openni::Device& device, const sensor::StreamMode& wanted,
+                           const std::string& camera, bool raw_infrared)
+    : kind_(wanted.stream), camera_(camera), raw_infrared_(raw_infrared) {
   const openni::SensorType type = sensorOf(kind_);
   const openni::SensorInfo* const info = device.getSensorInfo(type);
   if (info == nullptr) {
@@ -85,14 +86,14 @@ DeviceStream::DeviceStream(openni::Device& device, const sensor::StreamMode& wan
   if (stream_.isCroppingSupported()) (void)stream_.resetCropping();
 }
 
-DeviceStream::~DeviceStream() {
+OpenNiStream::~OpenNiStream() {
   stop();
   stream_.destroy();
 }
 
-std::string DeviceStream::name() const { return "Camera '" + camera_ + "', " + toString(kind_); }
+std::string OpenNiStream::name() const { return "Camera '" + camera_ + "', " + toString(kind_); }
 
-void DeviceStream::start() {
+void OpenNiStream::start() {
   if (running_) return;
   if (stream_.start() != openni::STATUS_OK) {
     const std::string why = lastError();
@@ -102,32 +103,42 @@ void DeviceStream::start() {
            "another program may have it, or the USB port lacks bandwidth (servocal-devices tells).");
   }
   running_ = true;
+  if (exposure_locked_) (void)lockExposure();
 }
 
-void DeviceStream::stop() {
+void OpenNiStream::stop() {
   if (running_) stream_.stop();
   running_ = false;
 }
 
-std::optional<openni::VideoFrameRef> DeviceStream::newest() {
+std::optional<sensor::DeviceStream::Image> OpenNiStream::newest() {
   constexpr int kAtOnce =
       4;  // More than the library keeps: it ends if frames come faster than they are read.
-  std::optional<openni::VideoFrameRef> newest;
+  openni::VideoFrameRef frame;
   for (int i = 0; i < kAtOnce; ++i) {
     openni::VideoStream* streams[] = {&stream_};
     int ready = -1;
     if (openni::OpenNI::waitForAnyStream(streams, 1, &ready, openni::TIMEOUT_NONE) != openni::STATUS_OK)
       break;
-    openni::VideoFrameRef frame;
-    if (stream_.readFrame(&frame) != openni::STATUS_OK || !frame.isValid()) break;
-    newest = frame;
+    openni::VideoFrameRef newer;
+    if (stream_.readFrame(&newer) != openni::STATUS_OK || !newer.isValid()) break;
+    frame = newer;
   }
-  return newest;
+  if (!frame.isValid()) return std::nullopt;
+  Image image;
+  image.device_stamp_s = 1e-6 * static_cast<double>(frame.getTimestamp());
+  image.number = static_cast<std::uint64_t>(std::max(0, frame.getFrameIndex()));
+  image.pixels = imageOf(frame.getVideoMode().getPixelFormat(), frame.getWidth(), frame.getHeight(),
+                         frame.getStrideInBytes(), frame.getData());
+  if (kind_ == Stream::kInfrared && !raw_infrared_ && image.pixels.depth() == CV_16U)
+    image.pixels = sensor::infraredToEightBits(image.pixels);
+  return image;
 }
 
-std::string DeviceStream::lockExposure() {
+std::string OpenNiStream::lockExposure() {
   openni::CameraSettings* const settings = stream_.getCameraSettings();
   if (settings == nullptr || !settings->isValid()) return "its driver has no such settings";
+  exposure_locked_ = true;
   std::string failed;
   if (settings->setAutoExposureEnabled(false) != openni::STATUS_OK) failed = "exposure";
   if (settings->setAutoWhiteBalanceEnabled(false) != openni::STATUS_OK)
