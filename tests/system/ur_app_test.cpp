@@ -9,10 +9,9 @@
 
 #include "cells.h"
 #include "errors.h"
-#include "run_program.h"
 #include "servocal/session/session.h"
 #include "sim_truth.h"
-#include "terminal_program.h"
+#include "ur_program.h"
 
 namespace servocal {
 namespace {
@@ -21,16 +20,31 @@ using test::shellWord;
 using test::TerminalProgram;
 
 constexpr std::uint64_t kSeed = 1;
-constexpr char kPrompt[] = "let it move: ";
-constexpr char kSerial[] = "2014350123\n";
+constexpr const char* kPrompt = test::kUrPrompt;
+constexpr const char* kSerial = test::kUrSerial;
 
 CellConfig urCell() { return loadCell(SERVOCAL_CELLS "/ur_one_camera.yaml"); }
 
 std::string calibrate(const std::filesystem::path& cell, const test::TemporaryFolder& folder,
                       const std::string& more = " --arm") {
-  return "env LD_LIBRARY_PATH=" SERVOCAL_OPENNI2_ROOT " TERM=xterm NO_COLOR=1 " SERVOCAL_CALIBRATE " " +
-         shellWord(cell.string()) + " --seed " + std::to_string(kSeed) + " --out " +
-         shellWord((folder / "session").string()) + more;
+  return test::urCommand(SERVOCAL_CALIBRATE, cell, kSeed, folder / "session", more);
+}
+
+/// The camera looks away, so the arm turns round for half a minute looking for it.
+std::string searchingCell() {
+  std::string text = urCell().text;
+  const std::string where = "\nlimits:";
+  text.insert(
+      text.find(where),
+      "  search:\n    posture_deg: [-82.1, 113.6, 148.5, -74.5, 0]\n    first_joint_deg: [164.5, 130]\n");
+  return text + "  faults:\n    - kind: camera_turned_away\n      camera: cam1\n";
+}
+
+bool isRecorded(const session::Session& session, const std::string& part) {
+  for (const session::SessionEvent& event : session.events()) {
+    if (event.message.find(part) != std::string::npos) return true;
+  }
+  return false;
 }
 const std::filesystem::path kCell = SERVOCAL_CELLS "/ur_one_camera.yaml";
 
@@ -90,20 +104,44 @@ TEST(UrCell, IsCalibratedThroughOpenNi2AndRtdeLikeTheSimulatedOne) {
   test::expectPart(result.provenance, "simulated UR5 2014350123");
   ASSERT_EQ(result.cameras.size(), 1u);
   ASSERT_TRUE(result.cameras[0].hand_eye);
-  CellConfig same = urCell();
-  same.arm.backend = ArmBackend::kSim;
-  sim::Cell cell(same, kSeed);
+  sim::Cell cell(test::withoutController(urCell()), kSeed);
   const sim::Truth truth(cell);
   const Pose<Base, Color> found(result.cameras[0].hand_eye->camera_pose);
   const double error_m = distanceM(found, truth.bMc("cam1"));
   std::cout << "camera off by " << 1e3 * error_m << " mm\n";
   EXPECT_LT(error_m, 0.003);
   EXPECT_GT(error_m, 0.0);
+  EXPECT_TRUE(isRecorded(session::Session::open(folder / "session"), "packages"));
+
+  // And is found as it was calibrated, by the same way.
+  TerminalProgram check(
+      test::urCommand(SERVOCAL_CHECK, kCell, kSeed, folder / "check",
+                      " --arm --result " + shellWord((folder / "session/result.yaml").string())));
+  ASSERT_TRUE(check.waitFor(kPrompt, 60.0)) << check.screen();
+  EXPECT_FALSE(std::filesystem::exists(folder / "check"));
+  check.type(kSerial);
+  EXPECT_EQ(check.end(200.0), 0) << check.screen();
+  test::expectPart(check.screen(), "OK: nothing");
+  test::expectPart(check.screen(), "cam1: ");
+}
+
+TEST(UrCell, CtrlCInMotionStopsTheArmAndKeepsTheSession) {
+  const test::TemporaryFolder folder;
+  TerminalProgram program(calibrate(folder.write("cell.yaml", searchingCell()), folder));
+  ASSERT_TRUE(program.waitFor(kPrompt, 60.0)) << program.screen();
+  program.type(kSerial);
+  ASSERT_TRUE(program.waitFor("the arm looks round", 60.0)) << program.screen();
+  std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+  program.type("\x03");  // As the operator does; the terminal makes a signal of it.
+  EXPECT_EQ(program.end(30.0), 7) << program.screen();
+  test::expectPart(program.screen(), "Stopped by the operator. The arm stands still");
+  // The controller was told to end its program, after the arm stood: had it died of the silence, it would say
+  // so.
+  EXPECT_EQ(program.screen().find("Simulated controller: the program"), std::string::npos)
+      << program.screen();
   const auto session = session::Session::open(folder / "session");
-  bool recorded = false;
-  for (const session::SessionEvent& event : session.events())
-    recorded |= event.message.find("packages") != std::string::npos;
-  EXPECT_TRUE(recorded);
+  EXPECT_TRUE(isRecorded(session, "safety mode 1, robot mode 7 at the end"));
+  EXPECT_EQ(session.cellText(), searchingCell());
 }
 
 TEST(UrCell, ADryRunOpensNothingAndNeedsNeitherFlagNorTerminal) {
@@ -120,17 +158,9 @@ TEST(UrCell, ADryRunOpensNothingAndNeedsNeitherFlagNorTerminal) {
   EXPECT_EQ(test::runProgram(SERVOCAL_CALIBRATE " --dry-run --out x").exit_code, 2);
 }
 
-// The camera looks away, so the arm turns round for half a minute looking for it; then kill -9.
 TEST(UrCell, WhenTheProgramIsKilledInMotionTheControllerStopsTheArm) {
   const test::TemporaryFolder folder;
-  std::string text = urCell().text;
-  const auto insert = [&](const std::string& before, const std::string& what) {
-    text.insert(text.find(before), what);
-  };
-  insert("\nlimits:",
-         "  search:\n    posture_deg: [-82.1, 113.6, 148.5, -74.5, 0]\n    first_joint_deg: [164.5, 130]\n");
-  text += "  faults:\n    - kind: camera_turned_away\n      camera: cam1\n";
-  TerminalProgram program(calibrate(folder.write("cell.yaml", text), folder));
+  TerminalProgram program(calibrate(folder.write("cell.yaml", searchingCell()), folder));
   ASSERT_TRUE(program.waitFor(kPrompt, 60.0)) << program.screen();
   program.type(kSerial);
   ASSERT_TRUE(program.waitFor("the arm looks round", 60.0)) << program.screen();

@@ -86,6 +86,8 @@ class Run {
   void believe(Eye& eye, HandEyeSolution solution);
   /// Takes over where the board sits from elsewhere, if no eye has found it yet.
   void believeMount(const HandEyeSolution& solution);
+  /// @throws Error (kInterrupted) if the operator asked to stop.
+  void throwIfStopped() const;
 
  private:
   struct Goal {
@@ -94,7 +96,6 @@ class Run {
   };
 
   void show(Eye& eye, const SeenFrame& seen);
-  void throwIfStopped() const;
   std::vector<Eye*> lookersBeside(Eye& wanted, bool excluded_streams);
   void believeFromMount(Eye& eye);
   void keepClearOfWhatIsKnown();

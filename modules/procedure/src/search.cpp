@@ -15,6 +15,7 @@ constexpr double kSweepRadps = 0.15;
 std::optional<std::string> follow(Run& run, const std::vector<Eigen::VectorXd>& path,
                                   const servo::FollowOptions& options = {}) {
   const servo::DriveOutcome outcome = servo::followPath(run.guard(), run.clock(), path, options);
+  run.throwIfStopped();  // Not "no camera was found".
   if (outcome.status != DriveStatus::kReached) return outcome.reason;
   return std::nullopt;
 }
