@@ -83,6 +83,15 @@ CameraErrors errorsOf(const sim::Truth& truth, const CameraResult& camera, Insta
 
 }  // namespace
 
+std::vector<CameraErrors> cameraErrors(sim::Cell& cell, const CalibrationResult& result) {
+  const sim::Truth truth(cell);
+  std::vector<CameraErrors> errors;
+  for (const CameraResult& camera : result.cameras) {
+    if (camera.hand_eye) errors.push_back(errorsOf(truth, camera, cell.clock().now()));
+  }
+  return errors;
+}
+
 Trial runTrial(const CellConfig& cell, std::uint64_t seed, const std::filesystem::path& folder,
                const procedure::CalibrateOptions& options) {
   const auto wall_begin = std::chrono::steady_clock::now();
@@ -111,9 +120,7 @@ Trial runTrial(const CellConfig& cell, std::uint64_t seed, const std::filesystem
 
   // From here on the truth is read, after the run has ended.
   const sim::Truth truth(simulation);
-  for (const CameraResult& camera : trial.result.cameras) {
-    if (camera.hand_eye) trial.errors.push_back(errorsOf(truth, camera, simulation.clock().now()));
-  }
+  trial.errors = cameraErrors(simulation, trial.result);
   trial.pairs = pairErrors(truth, trial.result, trial.plane_shots,
                            kinematics.forward(cell.arm.start_q) * truth.eMo().translation());
   trial.joint_errors = jointErrors(cell, truth, trial.result, observations);

@@ -15,6 +15,10 @@
 #include "servocal/core/result.h"
 #include "servocal/procedure/calibrate.h"
 
+namespace servocal::sim {
+class Cell;
+}
+
 namespace servocal::test {
 
 /// What one camera of the result is off by, against the truth.
@@ -50,6 +54,9 @@ struct Trial {
   double wall_s = 0.0;
   double cpu_s = 0.0;
 };
+
+/// Of every camera that has a hand-eye; `cell` is the one that was calibrated, or one of the same seed.
+std::vector<CameraErrors> cameraErrors(sim::Cell& cell, const CalibrationResult& result);
 
 /// Calibrates `cell` with `seed`; the session goes to `folder`.
 Trial runTrial(const CellConfig& cell, std::uint64_t seed, const std::filesystem::path& folder,
