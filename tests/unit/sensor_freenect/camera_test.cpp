@@ -24,7 +24,7 @@ using test::expectPart;
 using test::fakeKinects;
 
 constexpr double kWrapS = 4294967296.0 / 60e6;
-constexpr double kBeforeTheTurnS = 1.5;
+constexpr double kBeforeTheTurnS = 6.0;  // Time for the tests before, and for a busy computer.
 
 /// What a simulated Kinect v1 sees, and a recording of it: blue and green are the color camera's picture, red
 /// the infrared camera's.
@@ -130,13 +130,11 @@ TEST_F(Freenect, TheBoardIsFoundInColorAndInInfrared) {
   }
 }
 
-// The device's counter turns over a second and a half after the recording begins.
 TEST_F(Freenect, StampsAndNumbersRiseAcrossTheTurnOfTheDevicesCounter) {
   const OpenedCamera opened = openCamera(config, clock);
   sensor::Frame last = frame(opened, Stream::kColor);
-  const Instant until = clock.now() + milliseconds(3500);
   const double first_s = last.device_stamp_s;
-  while (clock.now() < until) {
+  while (last.device_stamp_s < kWrapS + 1.0 && !HasFailure()) {
     const sensor::Frame next = frame(opened, Stream::kColor);
     const double periods = 30.0 * (next.device_stamp_s - last.device_stamp_s);
     EXPECT_NEAR(periods, std::round(periods), 0.01);
