@@ -153,7 +153,7 @@ TEST(SolveJointly, CorrectsTheArmsGeometryWhereTheViewsSupportIt) {
 // Too few stops to correct the arm's geometry by: the cameras are where they were found without it, and the
 // claim counts what the arm may be off by.
 TEST(SolveJointly, CountsTheArmsAccuracyWhereItsGeometryIsNotCorrected) {
-  Recorded recorded = record(18);
+  Recorded recorded = record(32);
   const ArmConfig arm;
   const robot::Kinematics kinematics(arm);
   Eigen::VectorXd seed(6);
