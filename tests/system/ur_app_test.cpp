@@ -125,13 +125,18 @@ TEST(UrCell, IsCalibratedThroughOpenNi2AndRtdeLikeTheSimulatedOne) {
   test::expectPart(check.screen(), "cam1: ");
 }
 
-TEST(UrCell, CtrlCInMotionStopsTheArmAndKeepsTheSession) {
-  const test::TemporaryFolder folder;
-  TerminalProgram program(calibrate(folder.write("cell.yaml", searchingCell()), folder));
+/// Types the serial number and waits until the arm is in the middle of its search.
+void waitUntilTheArmTurns(TerminalProgram& program) {
   ASSERT_TRUE(program.waitFor(kPrompt, 60.0)) << program.screen();
   program.type(kSerial);
   ASSERT_TRUE(program.waitFor("the arm looks round", 60.0)) << program.screen();
   std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+}
+
+TEST(UrCell, CtrlCInMotionStopsTheArmAndKeepsTheSession) {
+  const test::TemporaryFolder folder;
+  TerminalProgram program(calibrate(folder.write("cell.yaml", searchingCell()), folder));
+  ASSERT_NO_FATAL_FAILURE(waitUntilTheArmTurns(program));
   program.type("\x03");  // As the operator does; the terminal makes a signal of it.
   EXPECT_EQ(program.end(30.0), 7) << program.screen();
   test::expectPart(program.screen(), "Stopped by the operator. The arm stands still");
@@ -161,10 +166,7 @@ TEST(UrCell, ADryRunOpensNothingAndNeedsNeitherFlagNorTerminal) {
 TEST(UrCell, WhenTheProgramIsKilledInMotionTheControllerStopsTheArm) {
   const test::TemporaryFolder folder;
   TerminalProgram program(calibrate(folder.write("cell.yaml", searchingCell()), folder));
-  ASSERT_TRUE(program.waitFor(kPrompt, 60.0)) << program.screen();
-  program.type(kSerial);
-  ASSERT_TRUE(program.waitFor("the arm looks round", 60.0)) << program.screen();
-  std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+  ASSERT_NO_FATAL_FAILURE(waitUntilTheArmTurns(program));
   program.send(SIGKILL);
   EXPECT_EQ(program.end(30.0), -1);
   std::smatch stood;

@@ -28,13 +28,14 @@ const HandEyeSolution* surestMount(const CalibrationResult& result) {
 
 void believeKnown(Run& run, const CalibrationResult& known) {
   const HandEyeSolution* const mount = surestMount(known);
-  if (!mount) throw Error(ErrorKind::kBadData, "the earlier result does not say how the board is mounted");
+  if (!mount)
+    throw Error(ErrorKind::kBadData, "the earlier result (--known) does not say how the board is mounted");
   if (mount->mount != run.mount()) {
     throw Error(ErrorKind::kBadData,
-                "the earlier result is not of this cell: its cameras are mounted otherwise");
+                "the earlier result (--known) is not of this cell: its cameras are mounted otherwise");
   }
   if (known.board.corners() != run.cell().board.corners()) {
-    throw Error(ErrorKind::kBadData, "the earlier result is of another board");
+    throw Error(ErrorKind::kBadData, "the earlier result (--known) is of another board than the cell file's");
   }
   run.believeMount(*mount);
   for (const CameraResult& camera : known.cameras) {

@@ -13,8 +13,8 @@ constexpr double kDegree = M_PI / 180.0;
 constexpr int kStepDeg = 5;     // resolution of a limit
 constexpr int kStrideDeg = 15;  // first strides; a board is lost once per direction either way
 constexpr int kCapDeg = 75;
-constexpr int kUsefulCapDeg =
-    60;  // What tells most leans by 45 degrees against the image, a little more against the sight.
+// What tells most leans by 45 degrees against the image, a little more against the sight.
+constexpr int kUsefulCapDeg = 60;
 
 struct Direction {
   const char* name;

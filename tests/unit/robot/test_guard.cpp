@@ -1,25 +1,18 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Every rule twice: the arm keeps the limit with it, and breaks it without (the negative control).
-#include "servocal/robot/guard.h"
-
+// Every limit twice: the arm keeps it with the guard, and breaks it without (the negative control).
 #include <gtest/gtest.h>
 
 #include <filesystem>
 #include <fstream>
-#include <memory>
+#include <limits>
 #include <regex>
 #include <sstream>
-#include <thread>
 #include <type_traits>
 
-#include "fake_arm.h"
-#include "servocal/core/error.h"
+#include "guard_cell.h"
 
 namespace servocal::robot {
 namespace {
-
-using test::FakeArm;
-using test::FakeArmOptions;
 
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kHuge = 1e9;
@@ -30,67 +23,6 @@ struct CanBeMade : std::false_type {};
 template <class T>
 struct CanBeMade<T, std::void_t<decltype(T{})>> : std::true_type {};
 static_assert(!CanBeMade<MotionKey>::value, "only the guard may make a MotionKey");
-
-MotionLimits openLimits() {
-  MotionLimits limits;
-  limits.workspace = {"workspace", Eigen::Vector3d::Constant(-10), Eigen::Vector3d::Constant(10)};
-  return limits;
-}
-
-const Pose<EndEffector, Board> kMount =
-    Pose<EndEffector, Board>::fromRotationVector({3.1, 0.0, 0.0}, {0.0, 0.0, 0.05});
-
-struct Cell {
-  explicit Cell(const MotionLimits& limits = openLimits(), const GuardOptions& options = {},
-                const ArmConfig& config = {}, Eigen::VectorXd start = {}, const FakeArmOptions& fake = {})
-      : kinematics(config),
-        arm(kinematics, clock,
-            start.size() ? start : (Eigen::VectorXd(6) << 1.0, -0.6, -1.5, 1.8, 1.2, 0.0).finished(), fake) {
-    guard = std::make_unique<Guard>(arm, kinematics, clock, limits, board, options);
-    guard->setBoard(std::nullopt);
-    arm.on_step = [this](const RobotState& state) { watch(state); };
-  }
-
-  // Commands the same twist for a while; returns the last verdict.
-  GuardVerdict hold(const Twist<Base>& twist, double seconds, double period = 0.008) {
-    GuardVerdict verdict;
-    for (const Instant end = clock.now() + fromSeconds(seconds); clock.now() < end;) {
-      verdict = guard->command(twist);
-      clock.sleepFor(fromSeconds(period));
-      arm.state();
-    }
-    return verdict;
-  }
-
-  void watch(const RobotState& state) {
-    fastest = std::max(fastest, state.twist.linear_mps.norm());
-    fastest_turn = std::max(fastest_turn, state.twist.angular_radps.norm());
-    for (const Eigen::Vector3d& corner_o : board.outline()) {
-      const Eigen::Vector3d lever = state.bMe.rotation() * (kMount * corner_o);
-      fastest_corner = std::max(fastest_corner, (state.twist.linear_mps + state.twist.angular_radps.cross(lever)).norm());
-      corner_low = std::min(corner_low, (state.bMe * (kMount * corner_o)).z());
-    }
-    if (last_q.size()) fastest_joint = std::max(fastest_joint, (state.q - last_q).cwiseAbs().maxCoeff() / toSeconds(state.stamp - last_stamp));
-    last_q = state.q;
-    last_stamp = state.stamp;
-    lowest = std::min(lowest, state.bMe.translation().z());
-    highest_q = highest_q.size() ? highest_q.cwiseMax(state.q) : state.q;
-  }
-  double z() { return arm.state().bMe.translation().z(); }
-
-  SimulatedClock clock;
-  BoardSpec board;
-  Kinematics kinematics;
-  FakeArm arm;
-  std::unique_ptr<Guard> guard;
-  double fastest = 0, fastest_turn = 0, fastest_corner = 0, fastest_joint = 0, lowest = 1e9, corner_low = 1e9;
-  Eigen::VectorXd last_q, highest_q;
-  Instant last_stamp{};
-};
-
-const Twist<Base> kDown{{0, 0, -0.2}, {0, 0, 0}};
-const Twist<Base> kUp{{0, 0, 0.2}, {0, 0, 0}};
-const Twist<Base> kTurn{{0, 0, 0}, {0, 0, 0.5}};
 
 TEST(Guard, LetsAnInnocentCommandThrough) {
   Cell cell;
@@ -335,167 +267,6 @@ TEST(Guard, LetsTheArmOutOfABoxButNotDeeper) {
   EXPECT_GT(cell.z(), before + 0.05);
   cell.hold(kDown, 2.0);
   EXPECT_GE(cell.z(), before + 0.03);  // Outside now, and it stays so.
-}
-
-TEST(Guard, StopsAtOnceOnAStaleFrame) {
-  const auto moveThenOld = [](Cell& cell) {
-    for (int i = 0; i < 50; ++i) {
-      cell.guard->command(kUp, cell.clock.now() - fromSeconds(0.08));
-      cell.clock.sleepFor(fromSeconds(0.008));
-    }
-    return cell.guard->command(kUp, cell.clock.now() - fromSeconds(0.16));
-  };
-  Cell cell;
-  const GuardVerdict verdict = moveThenOld(cell);
-  EXPECT_EQ(verdict.rule, GuardRule::kStaleFrame);
-  EXPECT_TRUE(verdict.refused());
-  EXPECT_TRUE(cell.arm.log().back().stop);
-  EXPECT_EQ(cell.guard->command(kUp, cell.clock.now() + fromSeconds(0.01)).rule, GuardRule::kStaleFrame);
-
-  GuardOptions without;
-  without.max_frame_age = std::chrono::hours(1);
-  Cell control(openLimits(), without);
-  EXPECT_FALSE(moveThenOld(control).refused());
-  EXPECT_FALSE(control.arm.log().back().stop);
-}
-
-// The program may die after its last command: what rests on a frame ends with that frame.
-TEST(Guard, CommandsExpireWithTheFrameTheyRestOn) {
-  Cell cell;
-  cell.clock.sleepFor(fromSeconds(0.2));
-  cell.guard->command(kUp, cell.clock.now() - fromSeconds(0.1));
-  EXPECT_EQ(cell.arm.log().back().valid_for, fromSeconds(0.05));
-  cell.guard->command(kUp);
-  EXPECT_EQ(cell.arm.log().back().valid_for, fromSeconds(0.1));
-}
-
-TEST(Guard, RefusesNumbersThatAreNotFinite) {
-  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
-    Cell cell;
-    cell.hold(kUp, 0.2);
-    Twist<Base> wanted = kUp;
-    wanted.angular_radps.y() = bad;
-    const GuardVerdict verdict = cell.guard->command(wanted);
-    EXPECT_EQ(verdict.rule, GuardRule::kNonFinite);
-    EXPECT_TRUE(verdict.refused());
-    EXPECT_TRUE(cell.arm.log().back().stop);
-    for (const FakeArm::Command& command : cell.arm.log()) EXPECT_TRUE(command.twist.isFinite());
-    EXPECT_FALSE(cell.hold(kUp, 0.1).refused());  // The same without the bad number.
-  }
-  Cell cell;
-  cell.arm.corrupt = true;
-  cell.hold(kUp, 0.05);
-  EXPECT_EQ(cell.guard->command(kUp).rule, GuardRule::kNonFinite);
-  EXPECT_TRUE(cell.arm.log().back().stop);
-}
-
-TEST(Guard, ArmBrakesByItselfWhenCommandsCease) {
-  const auto travelInSilence = [](Cell& cell) {
-    cell.hold({{0, 0, 0.05}, {0, 0, 0}}, 0.3);
-    const double before = cell.z();
-    cell.clock.sleepFor(fromSeconds(2.0));
-    return cell.z() - before;
-  };
-  Cell cell;
-  EXPECT_LT(travelInSilence(cell), 0.05 * 0.1 + 0.05 * 0.05 / 2.4 + 0.001);
-  const GuardVerdict verdict = cell.guard->command(kUp);
-  EXPECT_EQ(verdict.rule, GuardRule::kWatchdog) << verdict.reason;
-  EXPECT_LE(verdict.applied.linear_mps.norm(), 1.2 * 0.008 * (1 + 1e-9));  // From rest again.
-
-  GuardOptions without;
-  without.command_timeout = without.look_ahead = std::chrono::seconds(3);
-  Cell control(openLimits(), without);
-  EXPECT_GT(travelInSilence(control), 0.08);
-}
-
-// For those who watch: what was asked for, what came of it, and how often it was not the same.
-TEST(Guard, KeepsARecordOfItsVerdicts) {
-  Cell cell;
-  EXPECT_FALSE(cell.guard->record().at);
-  cell.hold(kUp, 0.4);
-  const GuardRecord& record = cell.guard->record();
-  EXPECT_EQ(record.newest.wanted.linear_mps.z(), kUp.linear_mps.z());
-  EXPECT_GT(record.interventions.at(GuardRule::kAcceleration), 3);
-  EXPECT_FALSE(record.refused_at);
-  Twist<Base> bad = kUp;
-  bad.linear_mps.x() = std::numeric_limits<double>::infinity();
-  cell.guard->command(bad);
-  EXPECT_EQ(record.at, cell.clock.now());
-  EXPECT_EQ(record.refused_at, cell.clock.now());
-  EXPECT_EQ(record.newest.rule, GuardRule::kNonFinite);
-  EXPECT_TRUE(record.newest.wanted.isZero());
-  // Joint speeds count as the twist they would make.
-  const Instant refused_at = cell.clock.now();
-  cell.clock.sleepFor(fromSeconds(0.5));
-  const Eigen::VectorXd turning = Eigen::VectorXd::Constant(cell.guard->kinematics().joints(), 0.01);
-  const GuardVerdict verdict = cell.guard->commandJoints(turning);
-  const Eigen::VectorXd twist = cell.guard->kinematics().jacobian(cell.guard->state().q) * turning;
-  EXPECT_NEAR((record.newest.wanted.linear_mps - twist.head<3>()).norm(), 0.0, 1e-12);
-  EXPECT_EQ(record.newest.rule, verdict.rule);
-  EXPECT_EQ(record.refused_at, refused_at);
-  // After a stop nothing is wanted.
-  cell.guard->stopNow();
-  EXPECT_TRUE(record.newest.wanted.isZero());
-  EXPECT_EQ(record.newest.rule, GuardRule::kNone);
-}
-
-TEST(Guard, OperatorStopIsImmediateAndLatched) {
-  Cell cell;
-  cell.hold(kUp, 0.3);
-  EXPECT_FALSE(cell.guard->command(kUp).refused());  // The control: it does move.
-  std::thread([&] { cell.guard->operatorStop(); }).join();
-  for (int i = 0; i < 3; ++i) {
-    const GuardVerdict verdict = cell.guard->command(kUp);
-    EXPECT_EQ(verdict.rule, GuardRule::kOperatorStop);
-    EXPECT_TRUE(cell.arm.log().back().stop);
-    cell.clock.sleepFor(fromSeconds(1.0));
-  }
-  cell.guard->stopAndWait();
-  EXPECT_TRUE(cell.arm.state().twist.isZero());
-}
-
-TEST(Guard, DestructorStopsTheArm) {
-  Cell cell;
-  cell.hold(kUp, 0.3);
-  ASSERT_FALSE(cell.arm.log().back().stop);
-  cell.guard.reset();
-  EXPECT_TRUE(cell.arm.log().back().stop);
-}
-
-TEST(Guard, StopAndWaitBrakesWithinLimitsAndEndsAtRest) {
-  Cell cell;
-  cell.hold({{0.25, 0, 0}, {0, 0, 0}}, 0.5);
-  const Instant before = cell.clock.now();
-  cell.guard->stopAndWait();
-  EXPECT_TRUE(cell.arm.state().twist.isZero());
-  EXPECT_LT(toSeconds(cell.clock.now() - before), 0.3);
-  EXPECT_LE(largestAcceleration(cell.arm), 1.2 * (1 + 1e-6));
-}
-
-TEST(Guard, StopAndWaitSaysSoIfTheArmDoesNotStop) {
-  FakeArmOptions runaway;
-  runaway.stop_factor = 1e-6;
-  Cell cell(openLimits(), {}, {}, {}, runaway);
-  cell.hold({{0.1, 0, 0}, {0, 0, 0}}, 0.2);
-  cell.guard->stopNow();
-  try {
-    cell.guard->stopAndWait();
-    FAIL() << "claims to stand";
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::kSafetyStop);
-  }
-}
-
-TEST(Guard, RemembersFirstAndLastMotion) {
-  Cell cell;
-  cell.clock.sleepFor(fromSeconds(1.0));
-  cell.hold({}, 0.5);
-  EXPECT_FALSE(cell.guard->motionSpan());
-  cell.hold(kUp, 0.5);
-  cell.hold({}, 3.0);
-  ASSERT_TRUE(cell.guard->motionSpan());
-  EXPECT_NEAR(toSeconds(cell.guard->motionSpan()->first), 1.504, 0.01);
-  EXPECT_NEAR(toSeconds(cell.guard->motionSpan()->second), 2.0 + 0.17, 0.02);
 }
 
 TEST(Guard, SaysWhyAPoseIsNotAllowed) {
