@@ -21,7 +21,8 @@ inline const Pose<EndEffector, Board> kMount =
 /// An arm with its guard, and what the arm was seen to do.
 struct Cell {
   explicit Cell(const MotionLimits& limits = openLimits(), const GuardOptions& options = {},
-                const ArmConfig& config = {}, Eigen::VectorXd start = {}, const test::FakeArmOptions& fake = {})
+                const ArmConfig& config = {}, Eigen::VectorXd start = {},
+                const test::FakeArmOptions& fake = {})
       : kinematics(config),
         arm(kinematics, clock,
             start.size() ? start : (Eigen::VectorXd(6) << 1.0, -0.6, -1.5, 1.8, 1.2, 0.0).finished(), fake) {
@@ -46,10 +47,13 @@ struct Cell {
     fastest_turn = std::max(fastest_turn, state.twist.angular_radps.norm());
     for (const Eigen::Vector3d& corner_o : board.outline()) {
       const Eigen::Vector3d lever = state.bMe.rotation() * (kMount * corner_o);
-      fastest_corner = std::max(fastest_corner, (state.twist.linear_mps + state.twist.angular_radps.cross(lever)).norm());
+      fastest_corner =
+          std::max(fastest_corner, (state.twist.linear_mps + state.twist.angular_radps.cross(lever)).norm());
       corner_low = std::min(corner_low, (state.bMe * (kMount * corner_o)).z());
     }
-    if (last_q.size()) fastest_joint = std::max(fastest_joint, (state.q - last_q).cwiseAbs().maxCoeff() / toSeconds(state.stamp - last_stamp));
+    if (last_q.size())
+      fastest_joint = std::max(
+          fastest_joint, (state.q - last_q).cwiseAbs().maxCoeff() / toSeconds(state.stamp - last_stamp));
     last_q = state.q;
     last_stamp = state.stamp;
     lowest = std::min(lowest, state.bMe.translation().z());
@@ -70,5 +74,16 @@ struct Cell {
 inline const Twist<Base> kDown{{0, 0, -0.2}, {0, 0, 0}};
 inline const Twist<Base> kUp{{0, 0, 0.2}, {0, 0, 0}};
 inline const Twist<Base> kTurn{{0, 0, 0}, {0, 0, 0.5}};
+
+inline double largestAcceleration(const test::FakeArm& arm) {
+  double largest = 0;
+  for (std::size_t i = 1; i < arm.log().size(); ++i) {
+    const double dt = toSeconds(arm.log()[i].at - arm.log()[i - 1].at);
+    if (dt > 0)
+      largest =
+          std::max(largest, (arm.log()[i].twist.linear_mps - arm.log()[i - 1].twist.linear_mps).norm() / dt);
+  }
+  return largest;
+}
 
 }  // namespace servocal::robot

@@ -68,15 +68,6 @@ TEST(Guard, KeepsTheSpeedLimitOfTheBoardToo) {
   EXPECT_GT(control.fastest_corner, 0.2505);
 }
 
-double largestAcceleration(const FakeArm& arm) {
-  double largest = 0;
-  for (std::size_t i = 1; i < arm.log().size(); ++i) {
-    const double dt = toSeconds(arm.log()[i].at - arm.log()[i - 1].at);
-    if (dt > 0) largest = std::max(largest, (arm.log()[i].twist.linear_mps - arm.log()[i - 1].twist.linear_mps).norm() / dt);
-  }
-  return largest;
-}
-
 TEST(Guard, RampsUpAndBrakesWithinTheAccelerationLimits) {
   Cell cell;
   cell.hold({{0.25, 0, 0}, {0, 0, 0}}, 0.5);
@@ -138,7 +129,8 @@ ArmConfig endlessJoints(const std::string& source_file) {
 }
 
 TEST(Guard, KeepsAMarginFromJointLimits) {
-  const Eigen::VectorXd near_limit = (Eigen::VectorXd(6) << 1.0, -0.6, -1.5, 1.8, 1.2, 2 * kPi - 0.3).finished();
+  const Eigen::VectorXd near_limit =
+      (Eigen::VectorXd(6) << 1.0, -0.6, -1.5, 1.8, 1.2, 2 * kPi - 0.3).finished();
   const auto turn_last = [](Cell& cell) {
     return Twist<Base>{{0, 0, 0}, cell.arm.state().bMe.rotation() * Eigen::Vector3d(0, 0, 0.5)};
   };
@@ -174,9 +166,7 @@ TEST(Guard, KeepsTheFlangeInTheWorkspace) {
   EXPECT_LT(control.lowest, limits.workspace.min_m.z() - 0.1);
 }
 
-Box tableBelow(double top_z) {
-  return {"table", {-2, -2, top_z - 0.5}, {2, 2, top_z}};
-}
+Box tableBelow(double top_z) { return {"table", {-2, -2, top_z - 0.5}, {2, 2, top_z}}; }
 
 TEST(Guard, KeepsTheFlangeOutOfKeepOutBoxes) {
   Cell probe;
@@ -222,7 +212,8 @@ TEST(Guard, KeepsTheMiddleOfTheBoardOutOfASmallBox) {
   const Eigen::Vector3d towards = state.bMe.rotation() * kMount.rotation() * Eigen::Vector3d(0, 0, -1);
   MotionLimits limits = openLimits();
   const Eigen::Vector3d center = middle + 0.2 * towards;
-  limits.keep_out = {{"post", center - Eigen::Vector3d::Constant(0.05), center + Eigen::Vector3d::Constant(0.05)}};
+  limits.keep_out = {
+      {"post", center - Eigen::Vector3d::Constant(0.05), center + Eigen::Vector3d::Constant(0.05)}};
   const Twist<Base> ahead{0.2 * towards, {0, 0, 0}};
   const auto nearest = [&](Cell& cell) {
     return (cell.arm.state().bMe * (kMount * Eigen::Vector3d::Zero()) - center).norm();
@@ -285,7 +276,9 @@ TEST(Guard, SaysWhyAPoseIsNotAllowed) {
 }
 
 TEST(Guard, RefusesLimitsThatAreNone) {
-  const auto make = [](const MotionLimits& limits, const GuardOptions& options = {}) { Cell cell(limits, options); };
+  const auto make = [](const MotionLimits& limits, const GuardOptions& options = {}) {
+    Cell cell(limits, options);
+  };
   EXPECT_NO_THROW(make(openLimits()));
   EXPECT_THROW(make(MotionLimits{}), std::invalid_argument);  // No workspace.
   MotionLimits limits = openLimits();

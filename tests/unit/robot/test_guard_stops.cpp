@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What makes the guard stop the arm, and what it tells of it. Rules twice: with them, and without (the negative control).
+// What makes the guard stop the arm, and what it tells of it. Rules twice: with them, and without (the
+// negative control).
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -47,7 +48,8 @@ TEST(Guard, CommandsExpireWithTheFrameTheyRestOn) {
 }
 
 TEST(Guard, RefusesNumbersThatAreNotFinite) {
-  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+  for (const double bad :
+       {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
     Cell cell;
     cell.hold(kUp, 0.2);
     Twist<Base> wanted = kUp;
