@@ -9,51 +9,18 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "default_sim.h"
 #include "errors.h"
-#include "servocal/sim/cell.h"
-#include "servocal/sim_openni2_driver/served_cameras.h"
+#include "plugged.h"
 
 namespace servocal::openni2 {
 namespace {
 
 using sim_openni2_driver::Served;
-using sim_openni2_driver::ServedCameras;
 using std::chrono::milliseconds;
 using test::expectPart;
-
-constexpr std::uint64_t kSeed = 3;
-
-CellConfig kinect(DepthSensor sensor) {
-  CellConfig cell = test::kinectSimCell(sensor);
-  cell.cameras[0].backend = CameraBackend::kOpenNi2;
-  cell.cameras[0].latency_s = 0.055;  // Of the simulated camera, from the middle of its exposure.
-  return cell;
-}
-
-/// A simulated cell whose cameras are plugged in as OpenNI2 devices.
-struct Plugged {
-  explicit Plugged(const CellConfig& config, Served how = {})
-      : cell(config, kSeed), served(cell.clock(), everyCamera(config, how)) {}
-
-  std::vector<Served> everyCamera(const CellConfig& config, Served how) {
-    std::vector<Served> all;
-    for (const CameraConfig& camera : config.cameras) {
-      how.camera = &cell.camera(camera.name);
-      all.push_back(how);
-    }
-    return all;
-  }
-
-  sim::Cell cell;
-  ServedCameras served;
-};
-
-OpenOptions raw() {
-  OpenOptions options;
-  options.raw_infrared = true;
-  return options;
-}
+using test::kinect;
+using test::Plugged;
+using test::raw;
 
 bool same(const cv::Mat& a, const cv::Mat& b) {
   return a.size() == b.size() && a.type() == b.type() && cv::norm(a, b, cv::NORM_INF) == 0.0;
@@ -103,7 +70,7 @@ TEST(OpenNi2, EveryStreamIsTheSimulatedOneBitByBit) {
       const auto frame = camera.next(stream, plugged.cell.clock().now() + std::chrono::seconds(2));
       ASSERT_TRUE(frame);
       // Another cell, so that no frame is asked for twice; the frames' numbers are the simulator's own.
-      sim::Cell other(config, kSeed);
+      sim::Cell other(config, test::kSeed);
       // The stamp names the frame: numbers begin again with each stream.
       sensor::Frame expected;
       do {
@@ -143,7 +110,7 @@ TEST(OpenNi2, DepthInTenthsOfAMillimetreIsTurnedIntoMillimetres) {
   const auto opened = openCamera(config.cameras[0], plugged.cell.clock());
   const auto frame = opened.camera->next(Stream::kDepth, Instant(std::chrono::seconds(1)));
   ASSERT_TRUE(frame);
-  sim::Cell other(config, kSeed);
+  sim::Cell other(config, test::kSeed);
   sensor::Frame expected;
   do {
     expected = direct(other, "front", Stream::kDepth, 0);

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "servocal/sensor_openni2/camera.h"
 
+#include <optional>
 #include <utility>
+#include <vector>
 
 #include "find_device.h"
 #include "library.h"
 #include "openni_stream.h"
+#include "recorder.h"
 #include "servocal/core/error.h"
 #include "servocal/sensor/device_streams.h"
 
@@ -45,6 +48,7 @@ class DeviceCamera final : public sensor::RgbdCamera {
   void open(const Device& device);
   void close();
   void couple();
+  void record(const std::vector<OpenNiStream*>& streams);
   void lockExposure();
   void demandPresence();
 
@@ -56,6 +60,7 @@ class DeviceCamera final : public sensor::RgbdCamera {
   openni::Device device_;
   sensor::DeviceStreams streams_;
   OpenNiStream* color_ = nullptr;  ///< One of them.
+  std::optional<Recorder> recorder_;
   std::vector<std::string> notes_;
   bool exposure_locked_ = false;
 };
@@ -69,9 +74,11 @@ void DeviceCamera::open(const Device& device) {
   }
   info_.model = device.vendor.empty() ? device.name : device.vendor + " " + device.name;
   info_.serial = device.serial;
+  std::vector<OpenNiStream*> all;
   for (sensor::StreamMode& mode : info_.streams) {
     auto stream = std::make_unique<OpenNiStream>(device_, mode, info_.name, options_.raw_infrared);
     mode.rate_hz = stream->rateHz();
+    all.push_back(stream.get());
     if (mode.stream == Stream::kColor) color_ = stream.get();
     streams_.set(mode.stream, std::move(stream));
   }
@@ -86,10 +93,14 @@ void DeviceCamera::open(const Device& device) {
                     "and cannot be kept from it; such depth cannot be calibrated.");
   }
   couple();
+  if (!options_.record.empty()) {
+    record(all);
+  }
   if (options_.lock_exposure) lockExposure();
 }
 
 void DeviceCamera::close() {
+  recorder_.reset();
   streams_.drop();
   device_.close();
 }
@@ -105,6 +116,20 @@ void DeviceCamera::couple() {
     notes_.push_back("color and depth are not exposed together: the device does not offer that");
   }
   streams_.stopAll();
+}
+
+void DeviceCamera::record(const std::vector<OpenNiStream*>& streams) {
+  recorder_.emplace(options_.record);
+  for (std::size_t i = 0; i < streams.size(); ++i) {
+    if (canBePlayed(streams[i]->native().getVideoMode())) {
+      recorder_->attach(streams[i]->native());
+    } else {
+      const sensor::StreamMode& mode = info_.streams[i];
+      notes_.push_back(std::string(toString(mode.stream)) + " is not recorded: OpenNI2's player does not take frames of " +
+                       std::to_string(mode.width_px) + " x " + std::to_string(mode.height_px) + " pixels");
+    }
+  }
+  recorder_->start();
 }
 
 void DeviceCamera::lockExposure() {
@@ -123,6 +148,7 @@ void DeviceCamera::demandPresence() {
   if (library_->isPlugged(device_info_.uri) && device_.isValid()) return;
   close();
   for (const Device& candidate : library_->devices()) {
+    if (!options_.record.empty()) break;  // Its file has ended.
     const bool same = device_info_.serial.empty() ? candidate.uri == device_info_.uri
                                                   : candidate.serial == device_info_.serial;
     if (!same) continue;

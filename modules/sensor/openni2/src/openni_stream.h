@@ -23,6 +23,7 @@ class OpenNiStream final : public sensor::DeviceStream {
   OpenNiStream& operator=(const OpenNiStream&) = delete;
 
   double rateHz() const { return mode_.getFps(); }
+  openni::VideoStream& native() { return stream_; }
   bool isRunning() const override { return running_; }
   void start() override;
   void stop() override;

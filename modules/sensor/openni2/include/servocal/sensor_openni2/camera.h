@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -16,6 +17,10 @@ struct OpenOptions {
   Duration settle = std::chrono::seconds(2);
   bool raw_infrared =
       false;  ///< Hand out infrared as it comes, CV_16UC1, instead of sensor::infraredToEightBits().
+  /// Not empty: an .oni file to which every frame of the device goes while the camera is open (recording.h reads it);
+  /// replaced if it is there. Streams that OpenNI2 could not play (color of 1920 x 1080) are left out, with a note.
+  /// Once unplugged, such a camera stays away.
+  std::filesystem::path record;
 };
 
 /// A device as OpenNI2 lists it.
@@ -52,7 +57,8 @@ struct OpenedCamera {
 ///
 /// @throws Error (kHardwareAbsent) with a sentence if the device is not there, is one of several, or has no
 /// such
-///   stream or mode; names a Kinect that is plugged in without a driver for it.
+///   stream or mode; names a Kinect that is plugged in without a driver for it. kBadData if nothing can be recorded to
+///   `options.record`.
 OpenedCamera openCamera(const CameraConfig& config, Clock& clock, const OpenOptions& options = {});
 
 }  // namespace servocal::openni2
