@@ -25,7 +25,8 @@ struct Plugged {
   explicit Plugged(const CellConfig& config, sim_openni2_driver::Served how = {})
       : cell(config, kSeed), served(cell.clock(), everyCamera(config, how)) {}
 
-  std::vector<sim_openni2_driver::Served> everyCamera(const CellConfig& config, sim_openni2_driver::Served how) {
+  std::vector<sim_openni2_driver::Served> everyCamera(const CellConfig& config,
+                                                      sim_openni2_driver::Served how) {
     std::vector<sim_openni2_driver::Served> all;
     for (const CameraConfig& camera : config.cameras) {
       how.camera = &cell.camera(camera.name);

@@ -139,7 +139,8 @@ TEST(Recording, OneMirroredByAnotherProgramIsTurnedBack) {
       if (openni::OpenNI::waitForAnyStream(streams, 1, &ready, 0) != openni::STATUS_OK) continue;
       openni::VideoFrameRef frame;
       stream.readFrame(&frame);
-      last = cv::Mat(frame.getHeight(), frame.getWidth(), CV_16UC1, const_cast<void*>(frame.getData())).clone();
+      last =
+          cv::Mat(frame.getHeight(), frame.getWidth(), CV_16UC1, const_cast<void*>(frame.getData())).clone();
     }
     stream.stop();
     recorder.destroy();
@@ -173,15 +174,18 @@ TEST(Recording, WhatThePlayerCannotTakeIsLeftOutWithANote) {
 
 TEST(Recording, RefusesWhatIsNone) {
   const test::TemporaryFolder folder;
-  expectPart(messageOf(ErrorKind::kBadData, [&] { Recording{folder.path() / "none.oni"}; }), "cannot be read");
+  expectPart(messageOf(ErrorKind::kBadData, [&] { Recording{folder.path() / "none.oni"}; }),
+             "cannot be read");
   std::ofstream(folder.path() / "text.oni") << "no recording";
-  expectPart(messageOf(ErrorKind::kBadData, [&] { Recording{folder.path() / "text.oni"}; }), "no recording of OpenNI2");
+  expectPart(messageOf(ErrorKind::kBadData, [&] { Recording{folder.path() / "text.oni"}; }),
+             "no recording of OpenNI2");
   const CellConfig config = smallKinect();
   Plugged plugged(config);
   OpenOptions options;
   options.record = folder.path() / "no-such-folder" / "a.oni";
-  expectPart(messageOf(ErrorKind::kBadData, [&] { openCamera(config.cameras[0], plugged.cell.clock(), options); }),
-             "no file can be written there");
+  expectPart(
+      messageOf(ErrorKind::kBadData, [&] { openCamera(config.cameras[0], plugged.cell.clock(), options); }),
+      "no file can be written there");
 }
 
 TEST(Recording, OneThatIsCutShortOrDamagedSaysSo) {

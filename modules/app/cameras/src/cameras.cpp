@@ -43,6 +43,7 @@ struct Cameras::Impl {
     if (simulated) camera.device = sim_openni2_driver::uriOf(camera.name);
     openni2::OpenOptions how;
     how.lock_exposure = options.lock_exposure;
+    how.record = options.record;
     keep(camera.name, openni2::openCamera(camera, clock, how));
   }
 

@@ -10,7 +10,8 @@ namespace servocal::openni2 {
 namespace {
 
 [[noreturn]] void refuse(const std::filesystem::path& file, const std::string& why) {
-  throw Error(ErrorKind::kBadData, file.string() + ": cannot be recorded to" + (why.empty() ? "" : ": " + why) + ".");
+  throw Error(ErrorKind::kBadData,
+              file.string() + ": cannot be recorded to" + (why.empty() ? "" : ": " + why) + ".");
 }
 
 }  // namespace
@@ -30,7 +31,8 @@ Recorder::Recorder(const std::filesystem::path& file) : file_(file) {
 Recorder::~Recorder() { recorder_.destroy(); }
 
 void Recorder::attach(openni::VideoStream& stream) {
-  if (recorder_.attach(stream, /*allowLossyCompression=*/FALSE) != openni::STATUS_OK) refuse(file_, lastError());
+  if (recorder_.attach(stream, /*allowLossyCompression=*/FALSE) != openni::STATUS_OK)
+    refuse(file_, lastError());
 }
 
 void Recorder::start() {

@@ -7,7 +7,8 @@
 
 namespace servocal::openni2 {
 
-/// Whether OpenNI2's player takes frames of this size; of others it plays neither these nor what comes with them.
+/// Whether OpenNI2's player takes frames of this size; of others it plays neither these nor what comes with
+/// them.
 bool canBePlayed(const openni::VideoMode& mode);
 
 /// Writes every frame that the streams attached to it deliver to an .oni file, until destruction. Must go

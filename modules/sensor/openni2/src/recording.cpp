@@ -69,14 +69,15 @@ std::string Recording::Impl::missing() const {
   std::string text;
   for (std::size_t i = 0; i < streams.size(); ++i) {
     const int left = streams[i].frames ? *streams[i].frames - handed_out[i] : 0;
-    if (left > 0) text += (text.empty() ? "" : ", ") + std::to_string(left) + " of " + toString(streams[i].stream);
+    if (left > 0)
+      text += (text.empty() ? "" : ", ") + std::to_string(left) + " of " + toString(streams[i].stream);
   }
   return text;
 }
 
-/// The place of the stream whose frame has come, or -1. Each wait lets the player go on by one frame, and by another
-/// whenever it is woken for nothing, which overwrites the first. So the wake-up that an earlier frame has left
-/// behind is taken away, by waiting for no stream at all.
+/// The place of the stream whose frame has come, or -1. Each wait lets the player go on by one frame, and by
+/// another whenever it is woken for nothing, which overwrites the first. So the wake-up that an earlier frame
+/// has left behind is taken away, by waiting for no stream at all.
 int Recording::Impl::waitForOne() {
   std::array<openni::VideoStream*, kKinds.size()> waiting{};
   for (std::size_t i = 0; i < streams.size(); ++i) waiting[i] = &players[i];
@@ -89,8 +90,8 @@ int Recording::Impl::waitForOne() {
 
 Recording::Impl::~Impl() {
   for (openni::VideoStream& player : players) player.stop();
-  // The player's thread walks over the streams without a lock while one of them runs; once none does, it sleeps for
-  // 10 ms at a time.
+  // The player's thread walks over the streams without a lock while one of them runs; once none does, it
+  // sleeps for 10 ms at a time.
   std::this_thread::sleep_for(std::chrono::milliseconds(20));
   for (openni::VideoStream& player : players) player.destroy();
   device.close();
@@ -101,7 +102,8 @@ Recording::Recording(const std::filesystem::path& file) : impl_(std::make_unique
   impl_->file = file;
   if (impl_->device.open(std::filesystem::absolute(file).c_str()) != openni::STATUS_OK) {
     refuse(file,
-           "OpenNI2 does not open it: it was cut short or is damaged, or OpenNI2's player (libOniFile.so.0) is not in "
+           "OpenNI2 does not open it: it was cut short or is damaged, or OpenNI2's player (libOniFile.so.0) "
+           "is not in "
            "OpenNI2/Drivers.");
   }
   openni::PlaybackControl* const control = impl_->device.getPlaybackControl();
@@ -117,11 +119,13 @@ Recording::Recording(const std::filesystem::path& file) : impl_(std::make_unique
     const openni::VideoMode mode = player.getVideoMode();
     const auto& formats = formatsOf(kind.stream);
     if (std::find(formats.begin(), formats.end(), mode.getPixelFormat()) == formats.end())
-      refuse(file, std::string(toString(kind.stream)) + " is of a format that is not read here: " +
-                       nameOf(mode.getPixelFormat()) + ".");
-    if (!canBePlayed(mode)) refuse(file, std::string(toString(kind.stream)) + " is too big for OpenNI2's player.");
-    RecordedStream stream{kind.stream, mode.getResolutionX(), mode.getResolutionY(),
-                          static_cast<double>(mode.getFps()), std::nullopt, player.getMirroringEnabled()};
+      refuse(file, std::string(toString(kind.stream)) +
+                       " is of a format that is not read here: " + nameOf(mode.getPixelFormat()) + ".");
+    if (!canBePlayed(mode))
+      refuse(file, std::string(toString(kind.stream)) + " is too big for OpenNI2's player.");
+    RecordedStream stream{kind.stream,           mode.getResolutionX(),
+                          mode.getResolutionY(), static_cast<double>(mode.getFps()),
+                          std::nullopt,          player.getMirroringEnabled()};
     if (const int frames = control->getNumberOfFrames(player); frames >= 0) stream.frames = frames;
     impl_->streams.push_back(stream);
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -14,6 +15,8 @@ namespace servocal::app {
 
 struct CameraOptions {
   bool lock_exposure = false;  ///< Exposure and white balance stay as they are after two seconds.
+  /// Not empty: what the cell's only camera delivers goes there (openni2::OpenOptions::record).
+  std::filesystem::path record;
 };
 
 /// The cameras of a cell, each through the driver that the cell file names (CameraConfig::backend).

@@ -30,8 +30,8 @@ struct RecordedFrame {
   cv::Mat image;        ///< As sensor::Frame::image, infrared as it came (CV_16UC1); never mirrored.
 };
 
-/// Reads a file that OpenNI2 recorded (.oni; `OpenOptions::record`, servocal-record, NiViewer) by OpenNI2's own
-/// player, every frame once, as fast as it is asked for. For one thread.
+/// Reads a file that OpenNI2 recorded (.oni; `OpenOptions::record`, servocal-record, NiViewer) by OpenNI2's
+/// own player, every frame once, as fast as it is asked for. For one thread.
 ///
 /// Whether depth was registered to color when it was recorded, the file does not tell.
 class Recording {
