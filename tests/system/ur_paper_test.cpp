@@ -24,7 +24,7 @@ std::string fewerGoals() {
     text.replace(text.find(from), from.size(), to);
   };
   change("cells_x: 8", "cells_x: 3");
-  change("cells_y: 5", "cells_y: 2");
+  change("cells_y: 5", "cells_y: 2\n  infrared_cells_x: 3\n  infrared_cells_y: 2");
   change("max_views: 40", "max_views: 12\n  revisit_views: 4");
   return text;
 }
