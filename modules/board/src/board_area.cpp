@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "board_area.h"
 
-#include <Eigen/Dense>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -61,11 +61,12 @@ std::optional<BoardArea> boardArea(const BoardSpec& board, const CameraModel& ca
     extent = std::max(extent, places.back().cwiseAbs().maxCoeff());
   }
   if (rays.size() < 4 || !(extent > 0.0)) return std::nullopt;
-  Eigen::MatrixX2d spread(places.size(), 2);
-  for (std::size_t i = 0; i < places.size(); ++i) spread.row(static_cast<Eigen::Index>(i)) = places[i];
-  spread.rowwise() -= spread.colwise().mean().eval();
-  const Eigen::Vector2d widths = Eigen::JacobiSVD<Eigen::MatrixX2d>(spread).singularValues();
-  if (widths[1] < 1e-3 * widths[0]) return std::nullopt;  // all on a line
+  Eigen::Vector2d middle = Eigen::Vector2d::Zero();
+  for (const Eigen::Vector2d& place : places) middle += place / static_cast<double>(places.size());
+  Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
+  for (const Eigen::Vector2d& place : places) scatter += (place - middle) * (place - middle).transpose();
+  // All on a line: the smaller extent, by the product and the sum of their squares.
+  if (scatter.determinant() < 1e-6 * scatter.trace() * scatter.trace()) return std::nullopt;
   for (Eigen::Vector2d& place : places) place /= extent;
   Eigen::Matrix3d homography = fitHomography(places, rays);
   homography.leftCols<2>() /= extent;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "servocal/servo/drive.h"
 
-#include <Eigen/SVD>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -39,12 +39,13 @@ struct Goal {
 void requireUsable(const std::vector<Eigen::Vector3d>& points_o, const Pose<Color, Board>& cdMo,
                    const CellEstimate& cell) {
   if (points_o.size() < 4) throw std::invalid_argument("drive: at least four target points are needed");
-  Eigen::Matrix3Xd spread(3, static_cast<Eigen::Index>(points_o.size()));
-  for (std::size_t i = 0; i < points_o.size(); ++i)
-    spread.col(static_cast<Eigen::Index>(i)) = points_o[i] - points_o[0];
-  if (!spread.allFinite()) throw std::invalid_argument("drive: a target point is not a number");
-  const Eigen::Vector3d singular = Eigen::JacobiSVD<Eigen::Matrix3Xd>(spread).singularValues();
-  if (!(singular[1] > 1e-3 * singular[0]))
+  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
+  for (const Eigen::Vector3d& point : points_o)
+    scatter += (point - points_o[0]) * (point - points_o[0]).transpose();
+  if (!scatter.allFinite()) throw std::invalid_argument("drive: a target point is not a number");
+  // The second largest extent against the largest, by the invariants of their squares.
+  const double sum = scatter.trace(), products = 0.5 * (sum * sum - (scatter * scatter).trace());
+  if (!(products > 1e-6 * sum * sum))
     throw std::invalid_argument("drive: the target points lie on a line");
   if (!cdMo.isFinite()) throw std::invalid_argument("drive: the goal is not a number");
   const bool fixed = cell.mount == Mount::kFixed;
