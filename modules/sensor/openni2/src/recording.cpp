@@ -51,11 +51,32 @@ struct Recording::Impl {
   std::vector<RecordedStream> streams;
   std::array<int, kKinds.size()> handed_out{};
 
+  void add(const Kind& kind, openni::PlaybackControl& control);
   bool isComplete() const;
   std::string missing() const;
   int waitForOne();
   ~Impl();
 };
+
+void Recording::Impl::add(const Kind& kind, openni::PlaybackControl& control) {
+  const std::string name = toString(kind.stream);
+  openni::VideoStream& player = players[streams.size()];
+  if (player.create(device, kind.sensor) != openni::STATUS_OK)
+    refuse(file, name + " cannot be played: " + lastError());
+  const openni::VideoMode mode = player.getVideoMode();
+  const auto& formats = formatsOf(kind.stream);
+  if (std::find(formats.begin(), formats.end(), mode.getPixelFormat()) == formats.end())
+    refuse(file, name + " is of a format that is not read here: " + nameOf(mode.getPixelFormat()) + ".");
+  if (!canBePlayed(mode)) refuse(file, name + " is too big for OpenNI2's player.");
+  RecordedStream stream;
+  stream.stream = kind.stream;
+  stream.width_px = mode.getResolutionX();
+  stream.height_px = mode.getResolutionY();
+  stream.rate_hz = mode.getFps();
+  stream.mirrored = player.getMirroringEnabled();
+  if (const int frames = control.getNumberOfFrames(player); frames >= 0) stream.frames = frames;
+  streams.push_back(stream);
+}
 
 /// All that were announced have come.
 bool Recording::Impl::isComplete() const {
@@ -103,8 +124,7 @@ Recording::Recording(const std::filesystem::path& file) : impl_(std::make_unique
   if (impl_->device.open(std::filesystem::absolute(file).c_str()) != openni::STATUS_OK) {
     refuse(file,
            "OpenNI2 does not open it: it was cut short or is damaged, or OpenNI2's player (libOniFile.so.0) "
-           "is not in "
-           "OpenNI2/Drivers.");
+           "is not in OpenNI2/Drivers.");
   }
   openni::PlaybackControl* const control = impl_->device.getPlaybackControl();
   if (control == nullptr) refuse(file, "is no recording of OpenNI2 (.oni).");
@@ -112,22 +132,7 @@ Recording::Recording(const std::filesystem::path& file) : impl_(std::make_unique
   if (control->setSpeed(-1.0F) != openni::STATUS_OK || control->setRepeatEnabled(false) != openni::STATUS_OK)
     refuse(file, "OpenNI2 does not play it frame by frame: " + lastError());
   for (const Kind& kind : kKinds) {
-    if (!impl_->device.hasSensor(kind.sensor)) continue;
-    openni::VideoStream& player = impl_->players[impl_->streams.size()];
-    if (player.create(impl_->device, kind.sensor) != openni::STATUS_OK)
-      refuse(file, std::string(toString(kind.stream)) + " cannot be played: " + lastError());
-    const openni::VideoMode mode = player.getVideoMode();
-    const auto& formats = formatsOf(kind.stream);
-    if (std::find(formats.begin(), formats.end(), mode.getPixelFormat()) == formats.end())
-      refuse(file, std::string(toString(kind.stream)) +
-                       " is of a format that is not read here: " + nameOf(mode.getPixelFormat()) + ".");
-    if (!canBePlayed(mode))
-      refuse(file, std::string(toString(kind.stream)) + " is too big for OpenNI2's player.");
-    RecordedStream stream{kind.stream,           mode.getResolutionX(),
-                          mode.getResolutionY(), static_cast<double>(mode.getFps()),
-                          std::nullopt,          player.getMirroringEnabled()};
-    if (const int frames = control->getNumberOfFrames(player); frames >= 0) stream.frames = frames;
-    impl_->streams.push_back(stream);
+    if (impl_->device.hasSensor(kind.sensor)) impl_->add(kind, *control);
   }
   if (impl_->streams.empty()) refuse(file, "holds no stream: it was ended before anything was recorded.");
   for (std::size_t i = 0; i < impl_->streams.size(); ++i) {
