@@ -223,6 +223,7 @@ const char* toString(PairStatus status) {
     case PairStatus::kAmbiguous:
       return "the board looks the same after a turn, and the views do not tell how it was turned between the two "
              "cameras; add views in which it is turned and tilted otherwise, or use a board with a mark";
+    case PairStatus::kNotConverged: return "the solve did not converge; look for wrong detections, and add views";
   }
   return "?";
 }
@@ -308,6 +309,10 @@ PairOutcome solveCameraPair(const BoardSpec& board, const PairCamera& first, con
     fit = minimize(problem, state);
   }
   if (!fit) return outcome;
+  if (!fit->converged) {
+    outcome.status = PairStatus::kNotConverged;
+    return outcome;
+  }
 
   solution.first_by_second = fit->state.c1Mc2;
   solution.covariance = scaledInverse(reducedMatrix(fit->system));

@@ -43,6 +43,8 @@ const char* toString(HandEyeStatus status) {
     case HandEyeStatus::kInconsistent:
       return "Robot poses and images contradict each other. Check that poses and images belong together, "
              "the units and direction of the robot poses, and the size of the board's squares.";
+    case HandEyeStatus::kNotConverged:
+      return "The solve did not converge. Look for wrong detections, and add views.";
   }
   return "Unknown status.";
 }

@@ -196,6 +196,7 @@ JointStatus statusOf(HandEyeStatus status) {
     case HandEyeStatus::kSolved: return JointStatus::kSolved;
     case HandEyeStatus::kTooFewViews: return JointStatus::kTooFewViews;
     case HandEyeStatus::kRotationAxesParallel: return JointStatus::kRotationAxesParallel;
+    case HandEyeStatus::kNotConverged: return JointStatus::kNotConverged;
     case HandEyeStatus::kInconsistent: break;
   }
   return JointStatus::kInconsistent;

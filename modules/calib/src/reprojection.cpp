@@ -74,8 +74,11 @@ class Solve {
 
   HandEyeOutcome run() {
     if (options.start && !fitFromStart()) return outcome;
+    if (solved && !solved->fit.converged) solved.reset();
     if (!solved && !fitFromClosedForm()) return outcome;
-    if (!solved->left_out.empty()) explain();
+    outcome.status = HandEyeStatus::kNotConverged;
+    if (!solved->fit.converged) return outcome;
+    if (!solved->left_out.empty()) explain();  // With outliers kept, it need not converge: nobody relies on it.
     report();
     outcome.status = HandEyeStatus::kSolved;
     outcome.solution = std::move(solution);

@@ -19,7 +19,7 @@ struct PairCamera {
   CameraModel model;
 };
 
-enum class PairStatus { kSolved, kNoCommonView, kInconsistent, kAmbiguous };
+enum class PairStatus { kSolved, kNoCommonView, kInconsistent, kAmbiguous, kNotConverged };
 /// Sentence for the operator: what happened, and what to do about it.
 const char* toString(PairStatus status);
 

@@ -20,7 +20,7 @@ struct HandEyeOptions {
   bool free_scale = false;         ///< Solve for the size of the board too, see HandEyeResult::scale.
 };
 
-enum class HandEyeStatus { kSolved, kTooFewViews, kRotationAxesParallel, kInconsistent };
+enum class HandEyeStatus { kSolved, kTooFewViews, kRotationAxesParallel, kInconsistent, kNotConverged };
 
 /// Sentence for the operator: what happened, and what to do about it.
 const char* toString(HandEyeStatus status);
