@@ -5,6 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "check_prior.h"
 #include "servocal/calib/board_pose.h"
 
 namespace servocal::procedure {
@@ -18,9 +19,10 @@ constexpr double kFreeM = 1.0, kFreeRad = 1.0;  // standard deviation of what is
 constexpr double kFreeFocal = 0.1, kFreePrincipal = 0.05,
                  kFreeDistortion = 0.3;  // of f, of the width, absolute
 constexpr double kKnownExactly =
-    1e-9;  // share of the free deviation, for intrinsics that came without covariance
-constexpr double kAlike = 0.3;          // share of the robot's error that all stops of a check have in common
-constexpr double kLostCorner = 1e4;  // cost of a corner that cannot be where it is seen
+    1e-9;                       // share of the free deviation, for intrinsics that came without covariance
+constexpr double kAlike = 0.3;  // share of the robot's error that all stops of a check have in common
+constexpr double kBeyondClaim = 1.4;  // standard deviations of intrinsics over those that are claimed
+constexpr double kLostCorner = 1e4;   // cost of a corner that cannot be where it is seen
 constexpr int kIterations = 30;
 
 Matrix3d skew(const Vector3d& v) {
@@ -68,6 +70,15 @@ Eigen::VectorXd freeIntrinsics(const CameraModel& camera) {
   return sigma;
 }
 
+/// Of a positive definite matrix, on its scaling to a unit diagonal: parameters differ by orders of
+/// magnitude.
+Eigen::MatrixXd inverse(const Eigen::MatrixXd& covariance) {
+  const Eigen::VectorXd scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd scaled = scale.asDiagonal() * covariance * scale.asDiagonal();
+  return scale.asDiagonal() * scaled.ldlt().solve(Eigen::MatrixXd::Identity(scaled.rows(), scaled.cols())) *
+         scale.asDiagonal();
+}
+
 bool contains(const std::vector<std::size_t>& list, std::size_t value) {
   return std::find(list.begin(), list.end(), value) != list.end();
 }
@@ -87,7 +98,8 @@ double chiSquareTail(double value, int degrees) {
 struct CheckModel::State {
   std::vector<Eigen::Isometry3d> bMc;
   std::vector<CameraModel> models;
-  Vector6d mount = Vector6d::Zero();  ///< Displacement of every camera's own eMo.
+  std::vector<Vector6d> boards;       ///< Displacement of each camera's own eMo, as far as it was known;
+  Vector6d mount = Vector6d::Zero();  ///< and that of all since.
   std::vector<Vector6d> stops;        ///< Displacement and turn of the flange, along its axes.
 };
 
@@ -105,9 +117,10 @@ CheckModel::CheckModel(const CalibrationResult& stored, const std::vector<Observ
     if (covariance.rows() != model.parameters.size() || !covariance.allFinite()) {
       covariance.setZero(model.parameters.size(), model.parameters.size());
     }
+    covariance *= kBeyondClaim * kBeyondClaim;
     covariance.diagonal() += least.cwiseAbs2();
-    cameras_.push_back({&camera, covariance, size_});
-    size_ += 6 + static_cast<int>(model.parameters.size());
+    cameras_.push_back({&camera, covariance, Eigen::MatrixXd::Zero(6, covariance.rows()), size_});
+    size_ += 12 + static_cast<int>(model.parameters.size());
   }
   for (const Observation& observation : observations) {
     if (!observation.robot) continue;
@@ -131,6 +144,18 @@ CheckModel::CheckModel(const CalibrationResult& stored, const std::vector<Observ
       }
     }
     if (!views_.empty() && views_.back().stop == stop) stops_.push_back(observation.robot->bMe);
+  }
+  Vector6d robot;
+  robot << Vector3d::Constant(options.robot_sigma_m), Vector3d::Constant(options.robot_sigma_rad);
+  for (std::size_t c = 0; c < cameras_.size(); ++c) {
+    double near_m = INFINITY;
+    for (const View& view : views_) {
+      if (view.camera == c) near_m = std::min(near_m, view.seen.translation().z());
+    }
+    if (!std::isfinite(near_m)) continue;  // It saw nothing.
+    const CameraResult& camera = *cameras_[c].stored;
+    cameras_[c].pose_by_intrinsics =
+        poseByIntrinsics(stored.board, camera.intrinsics.camera, *camera.hand_eye, near_m, robot);
   }
   mount_at_ = size_;
   stops_at_ = mount_at_ + 6;
@@ -186,6 +211,7 @@ CheckModel::State CheckModel::startOf(const FreeParts& free) const {
     }
     if (count > 0) state.mount = sum / count;
   }
+  state.boards.assign(cameras_.size(), Vector6d::Zero());
   state.stops.assign(stops_.size(), Vector6d::Zero());
   return state;
 }
@@ -195,23 +221,25 @@ Eigen::MatrixXd CheckModel::priorInformation(const FreeParts& free) const {
   Vector6d robot, wide;
   robot << Vector3d::Constant(options_.robot_sigma_m), Vector3d::Constant(options_.robot_sigma_rad);
   wide << Vector3d::Constant(kFreeM), Vector3d::Constant(kFreeRad);
-  Vector6d mount = Vector6d::Constant(INFINITY);
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     const Camera& camera = cameras_[c];
     Vector6d variance = camera.stored->hand_eye->camera_sigma.cwiseAbs2() + (kAlike * robot).cwiseAbs2();
     if (contains(free.cameras, c)) variance += wide.cwiseAbs2();
-    information.block(camera.at, camera.at, 6, 6) = variance.cwiseInverse().asDiagonal();
-    Eigen::MatrixXd covariance = camera.intrinsics_covariance;
+    const auto count = camera.intrinsics_covariance.rows();
+    Eigen::MatrixXd follows(6 + count, count);  // What was off when it was calibrated.
+    follows << camera.pose_by_intrinsics, Eigen::MatrixXd::Identity(count, count);
+    Eigen::MatrixXd covariance = follows * camera.intrinsics_covariance * follows.transpose();
+    covariance.diagonal().head<6>() += variance;
     if (contains(free.intrinsics, c)) {
-      covariance.diagonal() += freeIntrinsics(camera.stored->intrinsics.camera).cwiseAbs2();
+      covariance.diagonal().tail(count) += freeIntrinsics(camera.stored->intrinsics.camera).cwiseAbs2();
     }
-    const auto count = covariance.rows();
-    information.block(camera.at + 6, camera.at + 6, count, count) =
-        covariance.ldlt().solve(Eigen::MatrixXd::Identity(count, count));
-    mount = mount.cwiseMin(camera.stored->hand_eye->board_sigma.cwiseAbs2());
+    information.block(camera.at, camera.at, 6 + count, 6 + count) = inverse(covariance);
+    const int board_at = camera.at + 6 + static_cast<int>(count);
+    information.block(board_at, board_at, 6, 6) =
+        camera.stored->hand_eye->board_sigma.cwiseAbs2().cwiseInverse().asDiagonal();
   }
-  if (free.mount) mount += wide.cwiseAbs2();
-  information.block(mount_at_, mount_at_, 6, 6) = mount.cwiseInverse().asDiagonal();
+  const Vector6d mount = free.mount ? wide : Vector6d(kKnownExactly * wide);
+  information.block(mount_at_, mount_at_, 6, 6) = mount.cwiseAbs2().cwiseInverse().asDiagonal();
   for (int at = stops_at_; at < size_; at += 6) {
     information.block(at, at, 6, 6) = robot.cwiseAbs2().cwiseInverse().asDiagonal();
   }
@@ -226,6 +254,7 @@ Eigen::VectorXd CheckModel::deviation(const State& state) const {
     deviation.segment<6>(cameras_[c].at) = displacement(stored.hand_eye->camera_pose, state.bMc[c]);
     deviation.segment(cameras_[c].at + 6, model.parameters.size()) =
         state.models[c].parameters - model.parameters;
+    deviation.segment<6>(cameras_[c].at + 6 + model.parameters.size()) = state.boards[c];
   }
   deviation.segment<6>(mount_at_) = state.mount;
   for (std::size_t i = 0; i < stops_.size(); ++i) {
@@ -243,7 +272,9 @@ CheckModel::State CheckModel::moved(const State& state, const Eigen::VectorXd& s
   State result = state;
   for (std::size_t c = 0; c < cameras_.size(); ++c) {
     result.bMc[c] = displaced(state.bMc[c], step.segment<6>(cameras_[c].at));
-    result.models[c].parameters += step.segment(cameras_[c].at + 6, state.models[c].parameters.size());
+    const Eigen::Index p = state.models[c].parameters.size();
+    result.models[c].parameters += step.segment(cameras_[c].at + 6, p);
+    result.boards[c] = compose(state.boards[c], step.segment<6>(cameras_[c].at + 6 + p));
   }
   result.mount = compose(state.mount, step.segment<6>(mount_at_));
   for (std::size_t i = 0; i < stops_.size(); ++i) {
@@ -263,7 +294,8 @@ double CheckModel::costOf(const State& state, const Eigen::MatrixXd& prior, Eige
   for (const View& view : views_) {
     const std::size_t c = view.camera;
     const int p = static_cast<int>(state.models[c].parameters.size());
-    const Eigen::Isometry3d eMo = displaced(cameras_[c].stored->hand_eye->board_pose, state.mount);
+    const Eigen::Isometry3d eMo =
+        displaced(cameras_[c].stored->hand_eye->board_pose, state.mount + state.boards[c]);
     const Vector6d& correction = state.stops[view.stop];
     const Matrix3d corrected = turn(correction.tail<3>()), bRe = stops_[view.stop].rotation();
     const Matrix3d cRb = state.bMc[c].linear().transpose();
@@ -297,9 +329,11 @@ double CheckModel::costOf(const State& state, const Eigen::MatrixXd& prior, Eige
       view_gradient.noalias() += jacobian.transpose() * weight * residual;
     }
     if (information == nullptr) continue;
-    const std::array<std::array<int, 3>, 3> blocks = {
+    const std::array<std::array<int, 3>, 4> blocks = {
         {{cameras_[c].at, 0, 6 + p},
-         {mount_at_, 6 + p, 6},
+         {cameras_[c].at + 6 + p, 6 + p, 6},  // one and the same to the image: the board by this camera
+         {mount_at_, 6 + p, 6},               // and the mount
+
          {stops_at_ + 6 * static_cast<int>(view.stop), 12 + p, 6}}};
     for (const auto& [row, view_row, rows] : blocks) {
       gradient->segment(row, rows) += view_gradient.segment(view_row, rows);

@@ -48,7 +48,8 @@ class CheckModel {
   struct Camera {
     const CameraResult* stored;
     Eigen::MatrixXd intrinsics_covariance;
-    int at = 0;  ///< First of its 6 + p parameters.
+    Eigen::MatrixXd pose_by_intrinsics;  ///< See check_prior.h.
+    int at = 0;                          ///< First of its 6 + p parameters.
   };
   struct View {
     std::size_t camera = 0, stop = 0;

@@ -5,10 +5,12 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <iostream>
 
 #include "check_model.h"
 #include "joint_scene.h"
+#include "stream_solver.h"
 
 namespace servocal::procedure {
 namespace {
@@ -48,23 +50,40 @@ std::vector<test::CellStop> checkStops(const test::Cell& cell, int per_camera) {
   return stops;
 }
 
-/// A cell of `cameras` cameras, calibrated from 25 noisy views of each, then changed and looked at again.
+/// A cell of `cameras` cameras, calibrated from 25 noisy views of each.
+struct Calibrated {
+  test::Cell cell;
+  CalibrationResult stored;
+  std::mt19937_64 random;  ///< For what happens later.
+};
+
+Calibrated calibrated(std::uint64_t seed, int cameras) {
+  std::mt19937_64 random(seed);
+  const test::Cell cell = test::makeCell(seed, cameras, Mount::kFixed, false);
+  const auto views = test::observeAll(cell, test::randomStops(cell, 25 * cameras, random), kNoise, random);
+  SolveOptions options;
+  options.robot_sigma_m = kNoise.robot_m;
+  options.robot_sigma_rad = kNoise.robot_rad;
+  CalibrationResult stored;  // As solve() makes it, without the joint estimate, which takes longest.
+  stored.board = cell.board;
+  for (const test::CellCamera& camera : cell.cameras) {
+    stored.cameras.push_back(
+        StreamSolver(cell.board, views, camera.name, Stream::kColor, options).solve(true).value());
+  }
+  return {cell, stored, random};
+}
+
+/// Then changed and looked at again.
 struct Checked {
-  test::Cell cell;       ///< As it is now.
-  std::string changed;   ///< Camera that was moved or refocused.
+  test::Cell cell;      ///< As it is now.
+  std::string changed;  ///< Camera that was moved or refocused.
   CalibrationResult stored;
   CheckVerdict verdict;
 };
 
-Checked checkAfter(Change change, std::uint64_t seed, int cameras) {
-  std::mt19937_64 random(seed);
-  test::Cell cell = test::makeCell(seed, cameras, Mount::kFixed, false);
-  const auto calibration =
-      test::observeAll(cell, test::randomStops(cell, 25 * cameras, random), kNoise, random);
-  SolveOptions options;
-  options.robot_sigma_m = kNoise.robot_m;
-  options.robot_sigma_rad = kNoise.robot_rad;
-  const CalibrationResult stored = solve(cell.board, calibration, options);
+Checked checkAfter(Change change, const Calibrated& before) {
+  std::mt19937_64 random = before.random;
+  test::Cell cell = before.cell;
   const std::vector<test::CellStop> stops =
       checkStops(cell, checkViewsOfEach(cell.cameras.size()));  // Where they were known good.
   test::CellCamera& camera = cell.cameras[random() % cell.cameras.size()];
@@ -82,56 +101,72 @@ Checked checkAfter(Change change, std::uint64_t seed, int cameras) {
   CheckOptions check_options;
   check_options.robot_sigma_m = kNoise.robot_m;
   check_options.robot_sigma_rad = kNoise.robot_rad;
-  return {cell, camera.name, stored, judgeCalibration(stored, views, check_options)};
+  return {cell, camera.name, before.stored, judgeCalibration(before.stored, views, check_options)};
 }
 
 struct Score {
   int cases = 0, found = 0, right = 0;
+  void add(const Score& other) {
+    cases += other.cases;
+    found += other.found;
+    right += other.right;
+  }
 };
 
-Score scoreOf(Change change, int cases, int cameras) {
-  Score score;
-  for (int i = 0; i < cases; ++i) {
-    const Checked checked = checkAfter(change, 100 + static_cast<std::uint64_t>(i), cameras);
-    const CheckVerdict& verdict = checked.verdict;
-    ++score.cases;
-    if (verdict.status != CheckStatus::kChanged) continue;
-    ++score.found;
-    const CheckPart wanted = change == Change::kCamera       ? CheckPart::kCamera
-                             : change == Change::kIntrinsics ? CheckPart::kIntrinsics
-                                                             : CheckPart::kMount;
-    const CheckFinding& first = verdict.findings[0];
-    score.right += first.part == wanted && (first.part == CheckPart::kMount || first.camera == checked.changed);
-  }
-  return score;
+Score scoreOf(Change change, const Checked& checked) {
+  const CheckVerdict& verdict = checked.verdict;
+  if (verdict.status != CheckStatus::kChanged) return {1, 0, 0};
+  const CheckPart wanted = change == Change::kCamera       ? CheckPart::kCamera
+                           : change == Change::kIntrinsics ? CheckPart::kIntrinsics
+                                                           : CheckPart::kMount;
+  const CheckFinding& first = verdict.findings[0];
+  const bool right =
+      first.part == wanted && (first.part == CheckPart::kMount || first.camera == checked.changed);
+  return {1, 1, right ? 1 : 0};
 }
 
-/// 800 cases in all, nightly; 24 of them every time.
-TEST(Check, FindsWhatChangedAndOnlyThat) {
-  constexpr int kCases = SERVOCAL_CHECK_CASES / 8;
-  Score sound, camera, all;
-  for (const int cameras : {1, 2}) {
-    for (const Change change : {Change::kNothing, Change::kCamera, Change::kIntrinsics, Change::kMount}) {
-      const Score score = scoreOf(change, kCases, cameras);
-      std::cout << cameras << " cameras, change " << static_cast<int>(change) << ": " << score.cases
-                << " cases, found " << score.found << ", right " << score.right << "\n";
-      for (Score* sum : {change == Change::kNothing ? &sound : &all, change == Change::kCamera ? &camera : nullptr}) {
-        if (sum == nullptr) continue;
-        sum->cases += score.cases;
-        sum->found += score.found;
-        sum->right += score.right;
-      }
+/// By change.
+std::array<Score, 4> scores(int cases, int cameras) {
+  std::array<Score, 4> scores;
+  for (int i = 0; i < cases; ++i) {
+    const Calibrated before = calibrated(100 + static_cast<std::uint64_t>(i), cameras);
+    for (std::size_t change = 0; change < scores.size(); ++change) {
+      const auto kind = static_cast<Change>(change);
+      scores[change].add(scoreOf(kind, checkAfter(kind, before)));
     }
   }
-  EXPECT_LE(sound.found, 0.02 * sound.cases);
-  EXPECT_GE(camera.found, 0.95 * camera.cases);
+  for (std::size_t change = 0; change < scores.size(); ++change) {
+    std::cout << cameras << " cameras, change " << change << ": " << scores[change].cases << " cases, found "
+              << scores[change].found << ", right " << scores[change].right << std::endl;
+  }
+  return scores;
+}
+
+void expectPower(const std::array<Score, 4>& scores) {
+  EXPECT_LE(scores[0].found, 0.02 * scores[0].cases);
+  EXPECT_GE(scores[1].found, 0.95 * scores[1].cases);
+  EXPECT_GE(scores[1].right, 0.95 * scores[1].cases);
+  Score all;
+  for (std::size_t change = 1; change < scores.size(); ++change) all.add(scores[change]);
   EXPECT_GE(all.right, 0.95 * all.cases);
+}
+
+// 200 cases of each kind nightly, 6 every time.
+TEST(Check, FindsWhatChangedInCellsOfOneAndTwoCamerasAndOnlyThat) {
+  std::array<Score, 4> sum = scores(SERVOCAL_CHECK_CASES / 2, 1);
+  const std::array<Score, 4> two = scores(SERVOCAL_CHECK_CASES / 2, 2);
+  for (std::size_t change = 0; change < sum.size(); ++change) sum[change].add(two[change]);
+  expectPower(sum);
+}
+
+TEST(Check, FindsWhatChangedInCellsOfThreeCamerasAndOnlyThat) {
+  expectPower(scores(SERVOCAL_CHECK_CASES, 3));
 }
 
 // What the repair is for: afterwards the camera, or the board, is where it is.
 TEST(Check, RepairPutsRightWhatMoved) {
   for (const Change change : {Change::kCamera, Change::kMount}) {
-    const Checked checked = checkAfter(change, 5, 2);
+    const Checked checked = checkAfter(change, calibrated(5, 2));
     ASSERT_EQ(checked.verdict.status, CheckStatus::kChanged) << checked.verdict.sentence;
     ASSERT_EQ(checked.verdict.findings.size(), 1u) << checked.verdict.sentence;
     const Repaired now = repaired(checked.stored, checked.verdict);
@@ -144,7 +179,8 @@ TEST(Check, RepairPutsRightWhatMoved) {
       EXPECT_EQ(camera.intrinsics.camera.parameters, before.intrinsics.camera.parameters);
       // The board as the repaired calibration puts it into the image, against the truth.
       const Eigen::Isometry3d bMe = checkStops(checked.cell, 1)[i].bMe.isometry();
-      const Eigen::Isometry3d cMo = camera.hand_eye->camera_pose.inverse() * bMe * camera.hand_eye->board_pose;
+      const Eigen::Isometry3d cMo =
+          camera.hand_eye->camera_pose.inverse() * bMe * camera.hand_eye->board_pose;
       const Eigen::Isometry3d truth = checked.cell.cameras[i].pose.inverse() * bMe * checked.cell.board_pose;
       EXPECT_LT((cMo.translation() - truth.translation()).norm(), 0.001) << camera.camera;
     }
@@ -152,7 +188,7 @@ TEST(Check, RepairPutsRightWhatMoved) {
 }
 
 TEST(Check, SaysSoIfTooLittleIsSeen) {
-  const Checked sound = checkAfter(Change::kNothing, 5, 1);
+  const Checked sound = checkAfter(Change::kNothing, calibrated(5, 1));
   EXPECT_EQ(sound.verdict.status, CheckStatus::kOk) << sound.verdict.sentence;
   EXPECT_EQ(judgeCalibration(sound.stored, {}).status, CheckStatus::kNotSeen);
   std::mt19937_64 random(1);

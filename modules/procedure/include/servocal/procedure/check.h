@@ -63,14 +63,14 @@ struct CheckOptions {
 ///
 ///   z = project(k_c, bMc^-1 bMe C_i eMo X) + noise
 ///
-/// with a prior on everything: the stored intrinsics k_c with their covariance, the stored camera and board
-/// poses with theirs (with 0.3 of the robot's accuracy added: its error is partly alike at all stops), and one robot
-/// error C_i per stop. Then one part at a time is set free: where a camera stands (6), its intrinsics, the
-/// mount (6). Twice the gain in log likelihood is at most chi-square with as many degrees of freedom if
-/// nothing has changed; the part that explains most, if that is more than chance (false_alarm divided by the
-/// number of parts), has changed. Then the rest is tested again with that part free. Correlations between the
-/// stored poses are not in the result; to ignore them widens the prior, so false alarms are rarer than
-/// declared.
+/// with a prior on everything: the stored intrinsics k_c with their covariance, the stored camera poses with theirs
+/// (with 0.3 of the robot's accuracy added: its error is partly alike at all stops) and with what the hand-eye made up
+/// for where those intrinsics are off, each camera's own eMo with its own, and one robot error C_i per stop. Then one part
+/// at a time is set free: where a camera stands (6), its intrinsics, the mount (6). Twice the gain in log likelihood is
+/// at most chi-square with as many degrees of freedom if nothing has changed; the part that explains most, if that is
+/// more than chance (false_alarm divided by the number of parts), has changed. Then the rest is tested again with that
+/// part free. Intrinsics are believed to be 1.4 times as uncertain as they claim; other correlations between what is
+/// stored are not in the result. False alarms are rarer than declared.
 ///
 /// Uses the color views of cameras that stand in the cell. Camera and mount differ by how the flange turns
 /// between the views, camera and intrinsics by the board's distance: views must differ in both.
