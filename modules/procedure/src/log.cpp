@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "log.h"
 
+#include <new>
+
 #include "servocal/core/error.h"
 
 namespace servocal::procedure {
@@ -14,7 +16,8 @@ void noteBrokenOff(Run& run, const std::exception& error) noexcept {
   try {
     const auto* const known = dynamic_cast<const Error*>(&error);
     const bool wanted = known != nullptr && known->kind() == ErrorKind::kInterrupted;
-    run.log(wanted ? kInterrupted : kFault, error.what());
+    const bool no_memory = dynamic_cast<const std::bad_alloc*>(&error) != nullptr;
+    run.log(wanted ? kInterrupted : kFault, no_memory ? "out of memory" : error.what());
   } catch (...) {
   }
 }

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <limits>
+#include <new>
 
 #include "servocal/core/error.h"
 
@@ -145,6 +146,7 @@ bool Database::hasColumn(const char* table, const char* name) const {
 }
 
 void Database::refuse(int code) const {
+  if ((code & 0xff) == SQLITE_NOMEM) throw std::bad_alloc();
   std::string message = "'" + file_.string() + "': " + sqlite3_errmsg(handle_);
   if ((code & 0xff) == SQLITE_FULL) {
     message += "; what was stored before is safe, free some space and start again";

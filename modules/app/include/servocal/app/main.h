@@ -9,7 +9,7 @@ namespace servocal::app {
 /// Exit codes of every app.
 enum ExitCode {
   kOk = 0,              ///< Goal met.
-  kInternalError = 1,
+  kInternalError = 1,   ///< Or out of memory.
   kUsage = 2,
   kInvalidConfig = 3,
   kGoalNotMet = 4,      ///< Finished, but the goal is not met.
