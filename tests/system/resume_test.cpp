@@ -172,7 +172,9 @@ bool endsBeforeItIsKilled(const std::vector<std::string>& arguments, std::chrono
   const auto end = std::chrono::steady_clock::now() + lifetime;
   int status = 0;
   while (std::chrono::steady_clock::now() < end) {
-    if (waitpid(child, &status, WNOHANG) == child) return WIFEXITED(status) && WEXITSTATUS(status) <= 4;
+    if (waitpid(child, &status, WNOHANG) == child) {
+      return WIFEXITED(status) && (WEXITSTATUS(status) == 0 || WEXITSTATUS(status) == 4);
+    }
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
   kill(child, SIGKILL);
