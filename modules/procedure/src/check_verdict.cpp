@@ -267,6 +267,6 @@ std::vector<Pose<Color, Board>> checkViews(const CameraModel& camera, double nea
   return views;
 }
 
-int checkViewsOfEach(std::size_t cameras) { return cameras <= 1 ? 8 : cameras == 2 ? 6 : 4; }
+int checkViewsOfEach(std::size_t cameras) { return cameras <= 1 ? 8 : cameras == 2 ? 6 : 3; }
 
 }  // namespace servocal::procedure

@@ -97,7 +97,7 @@ Repaired repaired(const CalibrationResult& stored, const CheckVerdict& verdict);
 /// distances, turned and tilted each in its own way. The most useful first.
 std::vector<Pose<Color, Board>> checkViews(const CameraModel& camera, double near_distance_m);
 
-/// How many of them are taken of each camera, so that a check stays below a minute: 8 of one, 6 of each of two, 4 of
+/// How many of them are taken of each camera, so that a check stays below a minute: 8 of one, 6 of each of two, 3 of
 /// each of more.
 int checkViewsOfEach(std::size_t cameras);
 
