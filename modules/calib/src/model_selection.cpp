@@ -10,39 +10,139 @@
 namespace servocal::calib {
 namespace {
 
-using ViewKey = std::pair<std::string, Stream>;
+using StreamKey = std::pair<std::string, Stream>;
+
+/// Some stops that are fitted, and others that are not.
+struct Part {
+  std::vector<Observation> fitted, held_out;
+  std::vector<StreamKey> left_out;  // Streams that the former do not determine; in neither.
+};
 
 /// Predictions of one description: log density by stop and view.
 struct Predictions {
-  std::map<std::int64_t, std::map<ViewKey, double>> log_density;
-  int views = 0;
+  std::map<std::int64_t, std::map<StreamKey, double>> log_density;
+  int parts = 0, views = 0;
   double squares_px2 = 0.0, squares_m2 = 0.0, count = 0.0,
          chi_square = 0.0;  // count: residuals, two per corner
 };
 
-std::optional<Predictions> predict(const BoardSpec& board, const std::vector<Observation>& sorted,
-                                   const JointOptions& options, int blocks) {
-  Predictions out;
-  for (int block = 0; block < blocks; ++block) {
-    const std::size_t begin =
-        sorted.size() * static_cast<std::size_t>(block) / static_cast<std::size_t>(blocks);
-    const std::size_t end =
-        sorted.size() * static_cast<std::size_t>(block + 1) / static_cast<std::size_t>(blocks);
-    std::vector<Observation> fitted, held_out;
-    for (std::size_t i = 0; i < sorted.size(); ++i)
-      (i >= begin && i < end ? held_out : fitted).push_back(sorted[i]);
-    const JointOutcome outcome = solveJoint(board, fitted, options);
-    if (!outcome.solution) return std::nullopt;
-    for (const HeldOutView& view : predictHeldOut(board, held_out, *outcome.solution).views) {
-      out.log_density[view.observation_id][{view.camera, view.stream}] = view.log_density;
-      ++out.views;
-      out.squares_px2 += view.rms_px * view.rms_px * view.degrees;
-      out.squares_m2 += view.error_m * view.error_m * view.degrees;
-      out.count += view.degrees;
-      out.chi_square += view.chi_square;
+std::map<StreamKey, int> viewsByStream(const std::vector<Observation>& observations) {
+  std::map<StreamKey, int> views;
+  for (const Observation& observation : observations) {
+    for (const StreamObservation& view : observation.views) ++views[{view.camera, view.stream}];
+  }
+  return views;
+}
+
+/// The stops with a robot pose, by id, with views of the streams that the options name.
+std::vector<Observation> usable(const std::vector<Observation>& observations, const JointOptions& options) {
+  const auto isAsked = [&](const StreamObservation& view) {
+    return options.streams.empty() ||
+           std::any_of(options.streams.begin(), options.streams.end(), [&](const JointStream& stream) {
+             return stream.camera == view.camera && stream.stream == view.stream;
+           });
+  };
+  std::vector<Observation> out;
+  for (const Observation& observation : observations) {
+    if (!observation.robot) continue;
+    Observation kept = observation;
+    kept.views.clear();
+    std::copy_if(observation.views.begin(), observation.views.end(), std::back_inserter(kept.views), isAsked);
+    if (!kept.views.empty()) out.push_back(std::move(kept));
+  }
+  std::stable_sort(out.begin(), out.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
+  return out;
+}
+
+/// Of each stream the stops at which no other has fewer views in all are cut into runs; a part holds out one
+/// run of each. A calibration goes from camera to camera: a fifth of its stops may be all that one of them
+/// ever saw.
+std::vector<Part> partsOf(const std::vector<Observation>& sorted, int count) {
+  const std::map<StreamKey, int> views = viewsByStream(sorted);
+  std::map<StreamKey, std::vector<std::size_t>> strata;
+  for (std::size_t i = 0; i < sorted.size(); ++i) {
+    const auto rank = [&](const StreamObservation& view) {
+      const StreamKey key(view.camera, view.stream);
+      return std::make_pair(views.at(key), key);
+    };
+    const auto rarest = std::min_element(sorted[i].views.begin(), sorted[i].views.end(),
+                                         [&](const auto& a, const auto& b) { return rank(a) < rank(b); });
+    strata[{rarest->camera, rarest->stream}].push_back(i);
+  }
+  std::vector<int> part_of(sorted.size());
+  for (const auto& [stream, stops] : strata) {
+    for (int part = 0; part < count; ++part) {
+      const auto cut = [&](int at) {
+        return stops.size() * static_cast<std::size_t>(at) / static_cast<std::size_t>(count);
+      };
+      for (std::size_t i = cut(part); i < cut(part + 1); ++i) part_of[stops[i]] = part;
     }
   }
-  return out;
+  std::vector<Part> parts(static_cast<std::size_t>(count));
+  for (std::size_t i = 0; i < sorted.size(); ++i) {
+    for (int part = 0; part < count; ++part) {
+      Part& its = parts[static_cast<std::size_t>(part)];
+      (part_of[i] == part ? its.held_out : its.fitted).push_back(sorted[i]);
+    }
+  }
+  return parts;
+}
+
+void eraseStream(const StreamKey& stream, std::vector<Observation>& observations) {
+  for (Observation& observation : observations) {
+    auto& views = observation.views;
+    views.erase(
+        std::remove_if(views.begin(), views.end(),
+                       [&](const auto& view) { return StreamKey(view.camera, view.stream) == stream; }),
+        views.end());
+  }
+  observations.erase(std::remove_if(observations.begin(), observations.end(),
+                                    [](const Observation& observation) { return observation.views.empty(); }),
+                     observations.end());
+}
+
+JointOptions optionsFor(const Part& part, JointOptions options) {
+  auto& streams = options.streams;
+  streams.erase(std::remove_if(streams.begin(), streams.end(),
+                               [&](const JointStream& stream) {
+                                 const StreamKey key(stream.camera, stream.stream);
+                                 return std::find(part.left_out.begin(), part.left_out.end(), key) !=
+                                        part.left_out.end();
+                               }),
+                streams.end());
+  return options;
+}
+
+/// The part fitted. Streams are taken out of it, that of the fewest views first, until those that stay are
+/// determined; nothing if none are.
+std::optional<JointSolution> fitDetermined(const BoardSpec& board, const JointOptions& options, Part& part) {
+  for (;;) {
+    JointOutcome outcome = solveJoint(board, part.fitted, optionsFor(part, options));
+    if (outcome.solution) return std::move(outcome.solution);
+    if (outcome.status != JointStatus::kTooFewViews && outcome.status != JointStatus::kNotDetermined)
+      return std::nullopt;
+    std::map<StreamKey, int> fitted = viewsByStream(part.fitted);
+    for (const auto& held_out : viewsByStream(part.held_out)) fitted.try_emplace(held_out.first, 0);
+    if (fitted.size() < 2) return std::nullopt;
+    const StreamKey fewest = std::min_element(fitted.begin(), fitted.end(), [](const auto& a, const auto& b) {
+                               return a.second < b.second;
+                             })->first;
+    part.left_out.push_back(fewest);
+    eraseStream(fewest, part.fitted);
+    eraseStream(fewest, part.held_out);
+  }
+}
+
+void add(const BoardSpec& board, const Part& part, const JointSolution& solution, Predictions& out) {
+  ++out.parts;
+  for (const HeldOutView& view : predictHeldOut(board, part.held_out, solution).views) {
+    out.log_density[view.observation_id][{view.camera, view.stream}] = view.log_density;
+    ++out.views;
+    out.squares_px2 += view.rms_px * view.rms_px * view.degrees;
+    out.squares_m2 += view.error_m * view.error_m * view.degrees;
+    out.count += view.degrees;
+    out.chi_square += view.chi_square;
+  }
 }
 
 /// Sum of the differences over the stops, and its standard deviation by their scatter. Held-out views that
@@ -86,30 +186,33 @@ std::optional<ModelSelection> selectModel(const BoardSpec& board,
                                           const JointOptions& base, const std::vector<ModelTerm>& terms,
                                           int blocks) {
   if (blocks < 2) throw std::invalid_argument("cross-validation takes at least two blocks");
-  std::vector<Observation> sorted;
-  for (const Observation& observation : observations) {
-    if (observation.robot && !observation.views.empty()) sorted.push_back(observation);
+  std::vector<Part> parts = partsOf(usable(observations, base), blocks);
+  Predictions best;
+  for (auto part = parts.begin(); part != parts.end();) {
+    const auto solution = fitDetermined(board, base, *part);
+    if (solution) add(board, *part, *solution, best);
+    part = solution ? part + 1 : parts.erase(part);
   }
-  std::stable_sort(sorted.begin(), sorted.end(),
-                   [](const Observation& a, const Observation& b) { return a.id < b.id; });
-
-  std::optional<Predictions> best = predict(board, sorted, base, blocks);
-  if (!best) return std::nullopt;
+  if (2 * best.parts <= blocks) return std::nullopt;
   ModelSelection selection;
   selection.options = base;
-  selection.score = scoreOf("", *best);
+  selection.score = scoreOf("", best);
   selection.score.kept = true;
   selection.scores = {selection.score};
   std::string kept, refused;
   for (const ModelTerm& term : terms) {
     JointOptions richer = selection.options;
     term.allow(richer);
-    std::optional<Predictions> predictions = predict(board, sorted, richer, blocks);
+    Predictions predictions;
+    for (const Part& part : parts) {
+      const JointOutcome outcome = solveJoint(board, part.fitted, optionsFor(part, richer));
+      if (outcome.solution) add(board, part, *outcome.solution, predictions);
+    }
     ModelScore score;
     score.name = term.name;
-    if (predictions) {
-      score = scoreOf(term.name, *predictions);
-      std::tie(score.gain, score.gain_sigma) = gainOf(*predictions, *best);
+    if (2 * predictions.parts > blocks) {
+      score = scoreOf(term.name, predictions);
+      std::tie(score.gain, score.gain_sigma) = gainOf(predictions, best);
       score.kept = score.gain > 2.0 * score.gain_sigma;
     }
     if (score.kept) {
@@ -125,6 +228,15 @@ std::optional<ModelSelection> selectModel(const BoardSpec& board,
   if (!refused.empty()) {
     selection.sentence +=
         (kept.empty() ? "" : " ") + ("Not supported by the views held out: " + refused) + ".";
+  }
+  std::map<StreamKey, int> left_out;
+  for (const Part& part : parts) {
+    for (const StreamKey& stream : part.left_out) ++left_out[stream];
+  }
+  for (const auto& [stream, times] : left_out) {
+    selection.sentence += " " + stream.first + " " + toString(stream.second) + " was not compared in " +
+                          std::to_string(times) + " of " + std::to_string(blocks) +
+                          " parts: the rest of its views does not determine it.";
   }
   return selection;
 }

@@ -67,7 +67,7 @@ Chosen choose(const BoardSpec& board, const std::vector<Observation>& observatio
   }
   auto selection = calib::selectModel(board, observations, base, terms, kBlocks);
   if (!selection)
-    return {asked, lean + ": a part of the views does not determine it, so that nothing was compared.", {}};
+    return {asked, lean + ": the views held out in turn leave too few to determine it, so that nothing was compared.", {}};
   const calib::ModelScore& score = selection->score;
   return {std::move(selection->options), std::move(selection->sentence),
           JointHeldOut{score.views, score.rms_px, score.rms_m, score.z}};

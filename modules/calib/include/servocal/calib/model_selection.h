@@ -20,7 +20,7 @@ struct ModelTerm {
 /// How a description predicts views it was not fitted to.
 struct ModelScore {
   std::string name;
-  bool solved = false;      ///< In every block; the rest is meaningless otherwise.
+  bool solved = false;      ///< In more than half of the blocks; the rest is meaningless otherwise.
   int views = 0;            ///< Held out once each.
   double rms_px = 0.0;      ///< Of the held-out views, robot believed.
   double rms_m = 0.0;       ///< As HeldOut::rms_m.
@@ -42,9 +42,12 @@ struct ModelSelection {
 /// difference. The probability counts corner noise, robot noise and the model's own covariance.
 ///
 /// Cross-validation by blocks of consecutive stops (by id): neighbors in time look alike, and one in the
-/// fitted set would tell too much about another held out. Each description is solved once per block.
+/// fitted set would tell too much about another held out. A block has its share of the stops of every stream,
+/// so that the rest determines all of them even where cameras had their turns one after the other. A stream
+/// that the rest does not determine nevertheless is left out of that block under every description alike, and
+/// the sentence says so. Each description is solved once per block.
 ///
-/// Nothing if the base is not solved in every block.
+/// Nothing if no more than half of the blocks are solved with the base.
 ///
 /// @throws std::invalid_argument for fewer than two blocks.
 std::optional<ModelSelection> selectModel(const BoardSpec& board,
