@@ -92,7 +92,8 @@ bool enough(const JointProblem& problem, const std::vector<JointViewStart>& view
 bool settled(const JointNoise& before, const JointNoise& after) {
   constexpr double kEnough = 0.01;
   const auto same = [](double a, double b) { return std::abs(a / b - 1.0) < kEnough; };
-  bool all = same(before.robot_m, after.robot_m) && same(before.robot_rad, after.robot_rad);
+  bool all = same(before.robot_m, after.robot_m) && same(before.robot_rad, after.robot_rad) &&
+             same(before.terms_scale, after.terms_scale);
   for (std::size_t k = 0; k < before.corner_scale.size(); ++k) {
     all = all && same(before.corner_scale[k], after.corner_scale[k]);
   }
@@ -229,6 +230,7 @@ JointOutcome solveJoint(const BoardSpec& board, const std::vector<Observation>& 
   solution.robot_at = layout.terms_at;
   solution.board_freedom = options.board;
   solution.robot_model = options.robot_terms;
+  if (solution.robot_model) solution.robot_model->prior_sigma *= problem.noise().terms_scale;
   solution.covariance = anchored.shared();
   solution.sigma = solution.covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
   const Eigen::VectorXd scales = problem.scales(state);

@@ -88,6 +88,15 @@ NoiseEstimate varianceComponents(const JointProblem& problem, const JointState& 
   };
   out.noise.robot_m = sigma(squares_m2, out.degrees_m, problem.options().robot_sigma_m);
   out.noise.robot_rad = sigma(squares_rad2, out.degrees_rad, problem.options().robot_sigma_rad);
+  if (terms > 0) {
+    const Eigen::VectorXd& declared = problem.options().robot_terms->prior_sigma;
+    const double known =
+        covariance.shared().diagonal().tail(terms).cwiseQuotient(declared.cwiseAbs2()).sum() /
+        (noise.terms_scale * noise.terms_scale);
+    const double speaking = std::max(0.0, static_cast<double>(terms) - known);
+    out.noise.terms_scale = std::sqrt((state.terms.cwiseQuotient(declared).squaredNorm() + kLeastDegrees) /
+                                      (speaking + kLeastDegrees));
+  }
   const double share = huberShare(problem.options().huber_sigma);
   for (std::size_t k = 0; k < layout.cameras.size(); ++k) {
     const double ratio = degrees[k] >= kLeastDegrees ? squares[k] / (share * degrees[k]) : 1.0;

@@ -50,7 +50,8 @@ constexpr double kLeastRobotSigma = 1e-6;
 /// correction, and its error would pass for corner noise.
 constexpr double kLooseRobotM = 1e-3;
 constexpr double kLooseRobotRad = 2e-3;
-/// Degrees of freedom that the estimate of a robot component takes; below, the declared noise is believed.
+/// Degrees of freedom that the estimate of a robot component takes; below, the declared noise is believed. The declared
+/// priors of the robot's terms, of which there are few, count as so many themselves.
 constexpr double kLeastDegrees = 6.0;
 
 }  // namespace servocal::calib

@@ -236,7 +236,8 @@ void JointProblem::addPriors(const JointState& state, ArrowSystem& system) const
     add(at++, state.shape.bow_y_m, options_.board.bow_sigma_m);
   }
   for (Eigen::Index i = 0; i < state.terms.size(); ++i) {
-    add(layout_.terms_at + static_cast<int>(i), state.terms[i], options_.robot_terms->prior_sigma[i]);
+    add(layout_.terms_at + static_cast<int>(i), state.terms[i],
+        noise_.terms_scale * options_.robot_terms->prior_sigma[i]);
   }
   constexpr double kAnchor = 1e-3;
   system.matrix.diagonal() += kAnchor * scales(state).cwiseAbs2().cwiseInverse();

@@ -16,11 +16,12 @@
 
 namespace servocal::calib {
 
-/// Standard deviations of the noise: two variance components of the robot, one per stream.
+/// Standard deviations of the noise: two variance components of the robot, one per stream, and one of the robot's terms.
 struct JointNoise {
   double robot_m = 0.0;
   double robot_rad = 0.0;
   std::vector<double> corner_scale;  // by stream
+  double terms_scale = 1.0;          // of the priors of the robot's terms
 };
 
 struct JointState {

@@ -119,6 +119,15 @@ void reportRobot(const JointProblem& problem, const JointSolved& solved, const J
   note(noise.robot_m, options.robot_sigma_m, solution.robot.degrees_m, 1e3, "position (mm)");
   note(noise.robot_rad, options.robot_sigma_rad, solution.robot.degrees_rad, 180.0 / M_PI,
        "orientation (degrees)");
+  const double scale = noise.terms_scale;
+  if (scale >= kWorthANote || scale <= 1.0 / kWorthANote) {
+    char text[160];
+    std::snprintf(
+        text, sizeof text,
+        "by the images the errors of the robot's geometry are %.2g times what is declared; that was used",
+        scale);
+    solution.notes.emplace_back(text);
+  }
 }
 
 }  // namespace servocal::calib

@@ -107,10 +107,75 @@ TEST(SolveJointly, HoldsGivenIntrinsics) {
   }
 }
 
+/// Stops of an arm that is off by these terms, as it reports them.
+std::vector<Observation> observeBy(const test::Cell& cell, int stops, const ArmConfig& arm,
+                                   const calib::RobotTerms& terms, const Eigen::VectorXd& truth,
+                                   std::mt19937_64& random) {
+  const robot::Kinematics kinematics(arm);
+  Eigen::VectorXd seed(6);
+  seed << 0.0, -1.5, 1.5, -1.5, -1.5, 0.0;
+  std::vector<Observation> out;
+  for (const test::CellStop& stop : test::randomStops(cell, stops, random)) {
+    const auto q = kinematics.inverse(stop.bMe, seed);
+    if (!q) continue;
+    RobotState state;
+    state.q = *q;
+    const Eigen::Matrix<double, 6, 1> off = terms.jacobian(state) * truth;
+    const auto error = Pose<EndEffector, EndEffector>::fromRotationVector(off.tail<3>(), off.head<3>());
+    out.push_back(
+        test::observe(cell, {stop.bMe * error, *q}, static_cast<std::int64_t>(out.size()), kNoise, random));
+    out.back().robot->bMe = out.back().robot->bMe * error.inverse();
+  }
+  return out;
+}
+
+/// Root of the cameras' chi-square over its degrees of freedom, of arms so many times worse than declared.
+double claimedBy(double times_worse) {
+  const ArmConfig arm;
+  const test::Cell cell = test::makeCell(3);
+  std::normal_distribution<double> normal;
+  double chi_square = 0.0, degrees = 0.0, terms_scale = 0.0;
+  constexpr int kSeeds = 6;
+  for (int seed = 1; seed <= kSeeds; ++seed) {
+    std::mt19937_64 random(static_cast<std::uint64_t>(seed));
+    calib::JointOptions options;
+    options.board.bow = false;
+    const calib::RobotTerms terms = armTerms(arm, {}).value();
+    Eigen::VectorXd truth = times_worse * terms.prior_sigma;
+    for (double& value : truth) value *= normal(random);
+    const auto observations = observeBy(cell, 80, arm, terms, truth, random);
+    options.robot_terms = terms;
+    const auto solution = calib::solveJoint(cell.board, observations, options).solution;
+    EXPECT_TRUE(solution.has_value());
+    if (!solution) continue;
+    terms_scale += solution->robot_model->prior_sigma[0] / terms.prior_sigma[0] / kSeeds;
+    const Eigen::VectorXd errors = test::errorsOf(*solution, cell);
+    for (const calib::JointCamera& camera : solution->cameras) {
+      const Eigen::Matrix<double, 6, 1> off = errors.segment<6>(camera.pose_at);
+      const Eigen::Matrix<double, 6, 6> covariance =
+          solution->covariance.block<6, 6>(camera.pose_at, camera.pose_at);
+      chi_square += off.dot(covariance.ldlt().solve(off));
+      degrees += 6.0;
+    }
+  }
+  std::cout << "an arm " << times_worse << " times worse than declared: taken for " << terms_scale
+            << " times, error over claim " << std::sqrt(chi_square / degrees) << '\n';
+  return std::sqrt(chi_square / degrees);
+}
+
+// How good the arm's geometry is, is estimated too: believed as declared, an arm four times worse would make
+// all claims too small.
+TEST(SolveJoint, ClaimsFollowTheArmsGeometry) {
+  for (const double times_worse : {1.0, 4.3}) {
+    const double ratio = claimedBy(times_worse);
+    EXPECT_GT(ratio, 0.7);
+    EXPECT_LT(ratio, 1.3);
+  }
+}
+
 // An arm that is not as its description says: the terms come in, and the cameras are found better for it.
 TEST(SolveJointly, CorrectsTheArmsGeometryWhereTheViewsSupportIt) {
   const ArmConfig arm;
-  const robot::Kinematics kinematics(arm);
   const calib::RobotTerms terms = armTerms(arm, {}).value();
   std::mt19937_64 random(5);
   std::normal_distribution<double> normal;
@@ -118,21 +183,7 @@ TEST(SolveJointly, CorrectsTheArmsGeometryWhereTheViewsSupportIt) {
   for (double& value : truth) value *= normal(random);
 
   Recorded recorded;
-  Eigen::VectorXd seed(6);
-  seed << 0.0, -1.5, 1.5, -1.5, -1.5, 0.0;
-  for (test::CellStop& stop : test::randomStops(recorded.cell, 90, random)) {
-    const auto q = kinematics.inverse(stop.bMe, seed);
-    if (!q) continue;
-    RobotState state;
-    state.q = *q;
-    const Eigen::Matrix<double, 6, 1> off = terms.jacobian(state) * truth;
-    const auto error = Pose<EndEffector, EndEffector>::fromRotationVector(off.tail<3>(), off.head<3>());
-    stop = {stop.bMe * error, *q};
-    Observation observation = test::observe(
-        recorded.cell, stop, static_cast<std::int64_t>(recorded.observations.size()), kNoise, random);
-    observation.robot->bMe = observation.robot->bMe * error.inverse();
-    recorded.observations.push_back(observation);
-  }
+  recorded.observations = observeBy(recorded.cell, 90, arm, terms, truth, random);
   ASSERT_GT(recorded.observations.size(), 40u);
   SolveOptions options = declared();
   const JointAnswer plain = solveJointly(recorded.cell.board, recorded.observations, {}, options);
@@ -146,8 +197,8 @@ TEST(SolveJointly, CorrectsTheArmsGeometryWhereTheViewsSupportIt) {
   EXPECT_LT(zOf(corrected.result->cameras[0], recorded.cell.cameras[0].pose), 5.0);
   std::cout << recorded.observations.size() << " stops; robot noise " << 1e3 * plain.result->robot_sigma_m
             << " mm -> " << 1e3 * corrected.result->robot_sigma_m << " mm, held out "
-            << plain.result->held_out->rms_px << " px -> " << corrected.result->held_out->rms_px
-            << " px; " << corrected.result->model << '\n';
+            << plain.result->held_out->rms_px << " px -> " << corrected.result->held_out->rms_px << " px; "
+            << corrected.result->model << '\n';
 }
 
 // Too few stops to correct the arm's geometry by: the cameras are where they were found without it, and the

@@ -48,7 +48,8 @@ struct BoardFreedom {
 /// it is told how each of them moves the flange.
 struct RobotTerms {
   std::vector<std::string> names;  ///< "joint 2 offset (rad)", ...
-  Eigen::VectorXd prior_sigma;     ///< Of each, in its own unit; the prior mean is zero.
+  Eigen::VectorXd prior_sigma;     ///< Of each, in its own unit; the prior mean is zero. Their common scale is a variance
+                                   ///< component, for which these count as six degrees of freedom.
   /// 6 x names.size(): displacement (m) of the flange's origin, then its turn (rad), both along the flange's
   /// own axes, per unit of each term, at this state: true bMe = reported bMe * [turn, displacement].
   std::function<Eigen::MatrixXd(const RobotState&)> jacobian;
@@ -142,7 +143,7 @@ struct JointSolution {
   int shape_at = 0;  ///< first of the board's shape (scale, bow, those that are free),
   int robot_at = 0;  ///< first of the robot's terms.
   BoardFreedom board_freedom;
-  std::optional<RobotTerms> robot_model;
+  std::optional<RobotTerms> robot_model;  ///< As given, the priors scaled as estimated.
   std::vector<std::string> notes;  ///< What a person should know, a sentence each.
 };
 
