@@ -4,10 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
+#include "cells.h"
 #include "servocal/procedure/solve.h"
 #include "servocal/session/session.h"
-#include "cells.h"
 #include "temporary_folder.h"
 #include "trial.h"
 
@@ -29,6 +30,31 @@ void expectGood(const test::Trial& trial) {
   EXPECT_GT(trial.camera_error_m, 0.0);  // exactly zero would mean that somebody peeked
 }
 
+/// Each limit of the color stream was seen, and a step beyond it, where detection ended it, was not.
+void expectTiltLimitsAreTried(const session::Session& session, const CameraResult& camera) {
+  const std::map<std::string, Eigen::Vector3d> axes = {{"roll+", {0, 0, 1}},   {"pitch+", {1, 0, 0}},
+                                                       {"yaw+", {0, 1, 0}},    {"roll-", {0, 0, -1}},
+                                                       {"pitch-", {-1, 0, 0}}, {"yaw-", {0, -1, 0}}};
+  const std::vector<Attempt> attempts = session.attempts();
+  int by_detection = 0;
+  for (const TiltLimit& limit : camera.tilt_limits) {
+    if (limit.stream != Stream::kColor) continue;
+    SCOPED_TRACE(limit.direction + " " + limit.ended_by);
+    const auto isTried = [&](double angle_rad, bool seen) {
+      return std::any_of(attempts.begin(), attempts.end(), [&](const Attempt& attempt) {
+        return attempt.stage == "tilt" && attempt.observation_id.has_value() == seen &&
+               (attempt.cdMo.rotationVector() - angle_rad * axes.at(limit.direction)).norm() < 1e-6;
+      });
+    };
+    EXPECT_TRUE(limit.limit_rad == 0.0 || isTried(limit.limit_rad, true));
+    if (limit.ended_by != "detection") continue;
+    ++by_detection;
+    EXPECT_TRUE(isTried(limit.limit_rad + 5 * kDegree, false));
+    EXPECT_FALSE(isTried(limit.limit_rad + 5 * kDegree, true));
+  }
+  EXPECT_GT(by_detection, 0);
+}
+
 TEST(Calibrate, DefaultCellIsCalibratedInAClosedLoop) {
   const test::TemporaryFolder folder;
   const test::Trial trial = test::runTrial(test::oneCameraCell(), 1, folder.path() / "session");
@@ -42,6 +68,7 @@ TEST(Calibrate, DefaultCellIsCalibratedInAClosedLoop) {
   const CalibrationResult again = procedure::solve(session.board(), session.observations(), options);
   ASSERT_EQ(again.cameras.size(), 1u);
   const auto& live = trial.result.cameras.front();
+  expectTiltLimitsAreTried(session, live);
   const auto& replayed = again.cameras.front();
   EXPECT_LT((live.intrinsics.camera.parameters - replayed.intrinsics.camera.parameters).norm(), 1e-9);
   ASSERT_TRUE(replayed.hand_eye);

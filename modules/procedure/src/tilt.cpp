@@ -10,8 +10,8 @@ namespace servocal::procedure {
 namespace {
 
 constexpr double kDegree = M_PI / 180.0;
-constexpr int kStepDeg = 5;     // resolution of a limit
-constexpr int kStrideDeg = 15;  // first strides; a board is lost once per direction either way
+constexpr int kStepDeg = 5;           // Resolution of a limit,
+constexpr int kInfraredStepDeg = 15;  // and of that of the stream that is not servoed on.
 constexpr int kCapDeg = 75;
 // What tells most leans by 45 degrees against the image, a little more against the sight.
 constexpr int kUsefulCapDeg = 60;
@@ -19,7 +19,7 @@ constexpr int kUsefulCapDeg = 60;
 struct Direction {
   const char* name;
   Eigen::Vector3d axis;  // in o: turns the board about its own centre
-  int cap_deg;           // a multiple of the stride
+  int cap_deg;           // a multiple of the step
 };
 
 /// What one direction's search has found out about one stream.
@@ -43,72 +43,128 @@ bool sees(const Observation& observation, const Eye& eye) {
   });
 }
 
+int roundedDown(double angle_deg) { return kStepDeg * static_cast<int>(std::floor(angle_deg / kStepDeg)); }
+
+/// The search of one camera's two streams.
+class TiltSearch {
+ public:
+  TiltSearch(Run& run, Eye& color, const Pose<Color, Board>& cMo_facing)
+      : run_(run), color_(color), infrared_(run.find(color.camera(), Stream::kInfrared)),
+        cMo_facing_(cMo_facing), bMe_facing_(run.guard().state().bMe) {
+    options_.lost_tries = 1;  // losing the board is what the search is for
+    options_.settled_for = std::chrono::milliseconds(100);
+  }
+
+  /// Straight to the cap: the servo sees on the way where the board is lost. Then in single steps from there.
+  /// A board that a long way lost, moving fast, may still be seen by one that rests.
+  void find(const Direction& direction) {
+    color_limit_ = infrared_limit_ = {};
+    std::string ended_by = "cap";
+    bool from_facing = false;
+    for (int angle_deg = direction.cap_deg;;) {
+      const std::optional<Run::Visit> visit = tilt(direction, angle_deg);
+      if (visit && visit->observation) {
+        if (angle_deg == direction.cap_deg) break;
+        angle_deg += kStepDeg;
+        continue;
+      }
+      const bool out_of_reach = !visit || visit->drive.status == DriveStatus::kLimit ||
+                                visit->drive.status == DriveStatus::kUnreachable;
+      if (out_of_reach && !from_facing) {  // From the last direction's end the straight way may be barred.
+        from_facing = true;
+        run_.moveTo(bMe_facing_);
+        continue;
+      }
+      if (angle_deg == color_limit_.seen_deg + kStepDeg) {
+        ended_by = out_of_reach ? "reach" : "detection";
+        break;
+      }
+      int next_deg = angle_deg - kStepDeg;
+      if (visit && visit->drive.last) {
+        const int half_way_deg = roundedDown(0.5 * (color_limit_.seen_deg + angle_deg));
+        next_deg = std::max(half_way_deg, roundedDown(angleOf(direction, visit->drive.last->cMo) / kDegree));
+      }
+      angle_deg = std::clamp(next_deg, color_limit_.seen_deg + kStepDeg, angle_deg - kStepDeg);
+    }
+    const bool infrared_knows = infrared_ != nullptr && infrared_->bMc();
+    while (infrared_knows && infrared_limit_.lost_deg &&
+           *infrared_limit_.lost_deg - infrared_limit_.seen_deg > kInfraredStepDeg) {
+      const int between_deg = roundedDown(0.5 * (infrared_limit_.seen_deg + *infrared_limit_.lost_deg));
+      if (const auto visit = tilt(direction, between_deg); !visit || !visit->observation) break;
+    }
+    note(color_, {direction.name, color_limit_.seen_deg * kDegree, ended_by, Stream::kColor});
+    if (infrared_knows) {
+      note(*infrared_, {direction.name, infrared_limit_.seen_deg * kDegree,
+                        infrared_limit_.lost_deg ? "detection" : ended_by, Stream::kInfrared});
+    }
+  }
+
+ private:
+  /// Nothing if the arm cannot be there.
+  std::optional<Run::Visit> tilt(const Direction& direction, int angle_deg) {
+    const auto turn =
+        Pose<Board, Board>::fromRotationVector(angle_deg * kDegree * direction.axis, Eigen::Vector3d::Zero());
+    const Pose<Color, Board> cdMo = cMo_facing_ * turn;
+    const auto q = run_.guard().kinematics().inverse(run_.flangeFor(color_, cdMo), run_.guard().state().q,
+                                                     run_.guard().limits().joint_margin_rad);
+    if (!q || !run_.guard().allows(*q)) return std::nullopt;
+    Run::Visit visit = run_.visit("tilt", color_, cdMo, options_);
+    if (visit.observation) {
+      color_limit_.note(angle_deg, true);
+      if (infrared_ != nullptr) infrared_limit_.note(angle_deg, sees(*visit.observation, *infrared_));
+    }
+    return visit;
+  }
+
+  double angleOf(const Direction& direction, const Pose<Color, Board>& cMo) const {
+    return (cMo_facing_.inverse() * cMo).rotationVector().dot(direction.axis);
+  }
+
+  void note(Eye& eye, TiltLimit limit) {
+    eye.tilt_limits.push_back(std::move(limit));
+    noteTiltLimit(run_, eye, eye.tilt_limits.back());
+  }
+
+  Run& run_;
+  Eye& color_;
+  Eye* const infrared_;
+  const Pose<Color, Board> cMo_facing_;
+  const Pose<Base, EndEffector> bMe_facing_;
+  servo::DriveOptions options_;
+  Limit color_limit_, infrared_limit_;
+};
+
 }  // namespace
 
 void findTiltLimits(Run& run, Eye& color) {
   using Eigen::Vector3d;
   const int cap_deg = run.cell().planner.choose_by == Planner::kInformation ? kUsefulCapDeg : kCapDeg;
+  // From one to the next the board need not come back to the middle: neighbors are a right angle apart.
   std::vector<Direction> directions = {
-      {"roll+", Vector3d::UnitZ(), 45},       {"roll-", -Vector3d::UnitZ(), 45},
-      {"pitch+", Vector3d::UnitX(), cap_deg}, {"pitch-", -Vector3d::UnitX(), cap_deg},
-      {"yaw+", Vector3d::UnitY(), cap_deg},   {"yaw-", -Vector3d::UnitY(), cap_deg}};
+      {"roll+", Vector3d::UnitZ(), 45},      {"pitch+", Vector3d::UnitX(), cap_deg},
+      {"yaw+", Vector3d::UnitY(), cap_deg},  {"pitch-", -Vector3d::UnitX(), cap_deg},
+      {"yaw-", -Vector3d::UnitY(), cap_deg}, {"roll-", -Vector3d::UnitZ(), 45}};
   const int planned = static_cast<int>(directions.size());
   directions.erase(
       std::remove_if(directions.begin(), directions.end(),
                      [&](const Direction& direction) { return hasTiltLimit(color, direction.name); }),
       directions.end());
   if (directions.empty()) return;  // Known from an earlier run, or from this one's first part.
-  Eye* const infrared = run.find(color.camera(), Stream::kInfrared);
-
-  servo::DriveOptions step_options;
-  step_options.lost_tries = 1;  // losing the board is what the search is for
-  step_options.settled_for = std::chrono::milliseconds(100);
 
   const Pose<Color, Board> cMo_facing(Eigen::Matrix3d::Identity(),
                                       {0, 0, 1.1 * run.cell().coverage.near_distance_m});
   run.report("tilt", color, 0, planned);
   run.visit("tilt", color, cMo_facing);
   run.updateBelief(color);
-  const Pose<Base, EndEffector> bMe_facing = run.guard().state().bMe;
-
+  TiltSearch search(run, color, cMo_facing);
   for (const Direction& direction : directions) {
     if (color.tooLate()) break;
-    Limit color_limit, infrared_limit;
-    std::string ended_by = "cap";
-    // Strides until the board is lost, then single steps from the last place where it was seen.
-    for (int stride_deg = kStrideDeg, angle_deg = stride_deg; angle_deg <= direction.cap_deg;
-         angle_deg += stride_deg) {
-      const auto turn =
-          Pose<Board, Board>::fromRotationVector(angle_deg * kDegree * direction.axis, Vector3d::Zero());
-      const Pose<Color, Board> cdMo = cMo_facing * turn;
-      const auto q = run.guard().kinematics().inverse(run.flangeFor(color, cdMo), run.guard().state().q,
-                                                      run.guard().limits().joint_margin_rad);
-      std::optional<Run::Visit> visit;
-      if (q && run.guard().allows(*q)) visit = run.visit("tilt", color, cdMo, step_options);
-      if (visit && visit->observation) {
-        color_limit.note(angle_deg, true);
-        if (infrared) infrared_limit.note(angle_deg, sees(*visit->observation, *infrared));
-        continue;
-      }
-      const bool out_of_reach = !visit || visit->drive.status == DriveStatus::kLimit ||
-                                visit->drive.status == DriveStatus::kUnreachable;
-      ended_by = out_of_reach ? "reach" : "detection";
-      if (stride_deg == kStepDeg) break;
-      stride_deg = kStepDeg;
-      angle_deg = color_limit.seen_deg;
-    }
-    color.tilt_limits.push_back({direction.name, color_limit.seen_deg * kDegree, ended_by, Stream::kColor});
-    noteTiltLimit(run, color, color.tilt_limits.back());
-    if (infrared && infrared->bMc()) {
-      infrared->tilt_limits.push_back({direction.name, infrared_limit.seen_deg * kDegree,
-                                       infrared_limit.lost_deg ? "detection" : ended_by, Stream::kInfrared});
-      noteTiltLimit(run, *infrared, infrared->tilt_limits.back());
-    }
+    search.find(direction);
     run.updateBelief(color);
+    const TiltLimit& limit = color.tilt_limits.back();
     run.report("tilt", color, static_cast<int>(color.tilt_limits.size()), planned,
-               std::string(direction.name) + " " + std::to_string(color_limit.seen_deg) + " deg, ended by " +
-                   ended_by);
-    run.moveTo(bMe_facing);
+               limit.direction + " " + std::to_string(std::lround(limit.limit_rad / kDegree)) +
+                   " deg, ended by " + limit.ended_by);
   }
 }
 
