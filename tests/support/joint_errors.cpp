@@ -24,9 +24,9 @@ Eigen::Isometry3d truePose(const sim::Truth& truth, const JointCameraResult& cam
   return (bMc * truth.cMi(camera.camera)).isometry();
 }
 
-/// How the base that the arm's reports are in, corrected by what the estimate found of its geometry, lies in the
-/// true one: together with a pose of what the flange holds, as free as it, the least squares of those against
-/// the true flange poses at the stops. To first order.
+/// How the base that the arm's reports are in, corrected by what the estimate found of its geometry, lies in
+/// the true one: together with a pose of what the flange holds, as free as it, the least squares of those
+/// against the true flange poses at the stops. To first order.
 Eigen::Isometry3d reportedBase(const CellConfig& cell, const sim::Truth& truth, const JointResult& joint,
                                const std::vector<Observation>& observations) {
   constexpr double kLeverM = 0.3;  // Weighs rotations: the board's and the cameras' distance from the flange.
@@ -75,14 +75,18 @@ Eigen::Matrix<double, 6, 1> offBy(const Eigen::Isometry3d& estimate, const Eigen
   return off;
 }
 
-double zOf(const Eigen::Matrix<double, 6, 1>& off, const Eigen::Matrix<double, 6, 6>& covariance) {
-  return std::sqrt(off.dot(covariance.ldlt().solve(off)) / 6);
+PoseError errorOf(const Eigen::Isometry3d& estimate, const Eigen::Isometry3d& truth,
+                  const Eigen::Matrix<double, 6, 6>& covariance) {
+  const Eigen::Matrix<double, 6, 1> off = offBy(estimate, truth);
+  const Eigen::Vector3d moved = off.head<3>(), turned = off.tail<3>();
+  return {moved.norm(), turned.norm(), moved.dot(covariance.topLeftCorner<3, 3>().ldlt().solve(moved)),
+          turned.dot(covariance.bottomRightCorner<3, 3>().ldlt().solve(turned)),
+          off.dot(covariance.ldlt().solve(off))};
 }
 
 /// The truth as a solution with the parameters that the estimate has, and the covariance of the bound.
-calib::JointSolution boundOf(const CellConfig& cell, const sim::Truth& truth, const CalibrationResult& result,
+calib::JointSolution boundOf(const CellConfig& cell, const sim::Truth& truth, const JointResult& joint,
                              const std::vector<Observation>& observations) {
-  const JointResult& joint = *result.joint;
   calib::JointSolution at;
   int next = 0;
   for (const JointCameraResult& estimate : joint.cameras) {
@@ -110,7 +114,7 @@ calib::JointSolution boundOf(const CellConfig& cell, const sim::Truth& truth, co
   std::copy_if(observations.begin(), observations.end(), std::back_inserter(taken),
                [](const Observation& observation) { return observation.stage != procedure::kCheckStage; });
   try {
-    at.covariance = calib::jointCovarianceAt(result.board, taken, at);
+    at.covariance = calib::jointCovarianceAt(cell.board, taken, at);
   } catch (const std::invalid_argument&) {
     at.covariance = Eigen::MatrixXd::Constant(next + 6, next + 6, NAN);
   }
@@ -136,27 +140,27 @@ double worstErrorPx(const JointCameraResult& estimate, const calib::JointCamera&
 
 }  // namespace
 
+double PoseError::z() const { return std::sqrt(whole / 6); }
+
 std::vector<JointErrors> jointErrors(const CellConfig& cell, const sim::Truth& truth,
-                                     const CalibrationResult& result,
-                                     const std::vector<Observation>& observations) {
+                                     const JointResult& joint, const std::vector<Observation>& observations) {
   std::vector<JointErrors> out;
-  if (!result.joint) return out;
-  const calib::JointSolution bound = boundOf(cell, truth, result, observations);
-  const Eigen::Isometry3d base = reportedBase(cell, truth, *result.joint, observations);
-  for (std::size_t k = 0; k < result.joint->cameras.size(); ++k) {
-    const JointCameraResult& estimate = result.joint->cameras[k];
+  const calib::JointSolution bound = boundOf(cell, truth, joint, observations);
+  const Eigen::Isometry3d base = reportedBase(cell, truth, joint, observations);
+  for (std::size_t k = 0; k < joint.cameras.size(); ++k) {
+    const JointCameraResult& estimate = joint.cameras[k];
     const calib::JointCamera& known = bound.cameras[k];
     JointErrors errors;
     errors.camera = estimate.camera;
     errors.stream = estimate.stream;
-    const auto off = offBy(estimate.pose, known.pose);
-    errors.pose_m = off.head<3>().norm();
-    errors.pose_rad = off.tail<3>().norm();
-    errors.pose_z = zOf(off, estimate.pose_covariance);
-    const auto off_reported = offBy(estimate.pose, base.inverse() * known.pose);
-    errors.reported_m = off_reported.head<3>().norm();
-    errors.reported_rad = off_reported.tail<3>().norm();
-    errors.reported_z = zOf(off_reported, estimate.pose_covariance);
+    errors.pose = errorOf(estimate.pose, known.pose, estimate.pose_covariance);
+    errors.reported = errorOf(estimate.pose, base.inverse() * known.pose, estimate.pose_covariance);
+    for (Eigen::Index p = 0; p < estimate.sigma.size(); ++p) {
+      if (!(estimate.sigma[p] > 0)) continue;  // held, or left open
+      errors.lens +=
+          std::pow((estimate.model.parameters[p] - known.model.parameters[p]) / estimate.sigma[p], 2);
+      ++errors.lens_size;
+    }
     errors.error_px = worstErrorPx(estimate, known);
     errors.claim_px = estimate.at_range.worst_px;
     errors.bound_px = calib::projectionMap(bound, known, calib::Anchor::kBase, estimate.range_m).worst_px;

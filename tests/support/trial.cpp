@@ -7,6 +7,7 @@
 #include "reachable_cells.h"
 #include "servocal/calib/board_pose.h"
 #include "servocal/procedure/calibrate.h"
+#include "servocal/procedure/solve.h"
 #include "servocal/robot/guard.h"
 #include "servocal/session/session.h"
 #include "servocal/sim/cell.h"
@@ -68,7 +69,8 @@ CameraErrors errorsOf(const sim::Truth& truth, const CameraResult& camera, Insta
   errors.pose_m = distanceM(bMc, true_bMc);
   errors.pose_rad = angleRad(bMc, true_bMc);
   if (camera.color_infrared) {
-    const Pose<Color, Infrared> cMi(camera.color_infrared->first_by_second), true_cMi = truth.cMi(camera.camera);
+    const Pose<Color, Infrared> cMi(camera.color_infrared->first_by_second),
+        true_cMi = truth.cMi(camera.camera);
     errors.infrared_m = distanceM(cMi, true_cMi);
     errors.infrared_rad = angleRad(cMi, true_cMi);
   }
@@ -79,6 +81,16 @@ CameraErrors errorsOf(const sim::Truth& truth, const CameraResult& camera, Insta
     errors.depth_beyond_m = depthErrorM(truth, camera.camera, model, true, model.far_m, 1.5);
   }
   return errors;
+}
+
+/// The joint estimate with the arm as it reports.
+std::optional<JointResult> solveWithoutArm(const CellConfig& cell,
+                                           const std::vector<Observation>& observations) {
+  procedure::SolveOptions options;
+  options.mount = cell.cameras.front().mount;
+  options.robot_sigma_m = cell.arm.accuracy_m;
+  options.robot_sigma_rad = cell.arm.accuracy_rad;
+  return procedure::solve(cell.board, observations, options).joint;
 }
 
 }  // namespace
@@ -93,7 +105,7 @@ std::vector<CameraErrors> cameraErrors(sim::Cell& cell, const CalibrationResult&
 }
 
 Trial runTrial(const CellConfig& cell, std::uint64_t seed, const std::filesystem::path& folder,
-               const procedure::CalibrateOptions& options) {
+               const procedure::CalibrateOptions& options, bool also_without_arm) {
   const auto wall_begin = std::chrono::steady_clock::now();
   const double cpu_begin = cpuSeconds();
   sim::Cell simulation(cell, seed);
@@ -103,7 +115,8 @@ Trial runTrial(const CellConfig& cell, std::uint64_t seed, const std::filesystem
   {
     robot::Guard guard(simulation.arm(), kinematics, simulation.clock(), cell);
     procedure::Devices devices{simulation.clock(), guard, {}};
-    for (const CameraConfig& camera : cell.cameras) devices.cameras.push_back(&simulation.camera(camera.name));
+    for (const CameraConfig& camera : cell.cameras)
+      devices.cameras.push_back(&simulation.camera(camera.name));
     auto session = session::Session::create(folder, cell.text, cell.board, seed);
     trial.result = procedure::calibrate(cell, devices, session, {}, options);
     for (const Attempt& attempt : session.attempts()) {
@@ -123,7 +136,11 @@ Trial runTrial(const CellConfig& cell, std::uint64_t seed, const std::filesystem
   trial.errors = cameraErrors(simulation, trial.result);
   trial.pairs = pairErrors(truth, trial.result, trial.plane_shots,
                            kinematics.forward(cell.arm.start_q) * truth.eMo().translation());
-  trial.joint_errors = jointErrors(cell, truth, trial.result, observations);
+  if (trial.result.joint) trial.joint_errors = jointErrors(cell, truth, *trial.result.joint, observations);
+  if (also_without_arm) {
+    const auto joint = solveWithoutArm(cell, observations);
+    if (joint) trial.without_arm = jointErrors(cell, truth, *joint, observations);
+  }
   const std::string& name = cell.cameras.front().name;
   // The rest is about what a UR5 can reach for a camera in the cell.
   if (cell.cameras.front().mount == Mount::kFlange || cell.arm.urdf != "ur5") return trial;
@@ -135,7 +152,8 @@ Trial runTrial(const CellConfig& cell, std::uint64_t seed, const std::filesystem
   if (camera.coverage) {
     for (int i = 0; i < trial.cells; ++i) {
       trial.filled_reachable_cells +=
-          reachable.cells[i].has_value() && camera.coverage->corners_per_cell[i] >= camera.coverage->corners_to_fill;
+          reachable.cells[i].has_value() &&
+          camera.coverage->corners_per_cell[i] >= camera.coverage->corners_to_fill;
     }
   }
   const Pose<Base, Color> bMc(camera.hand_eye->camera_pose), true_bMc = truth.bMc(name);
