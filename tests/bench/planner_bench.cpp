@@ -313,6 +313,7 @@ int main(int argc, char** argv) {
   int seeds = 3, cameras = 1, most_views = kMostViews;
   double robot_mm = 0.1;
   bool infrared = false;
+  int ahead = 4;
   cli.add_option("--seeds", seeds, "Cells drawn")->capture_default_str();
   cli.add_option("--cameras", cameras, "The first of the default cell's three")
       ->check(CLI::Range(1, 3))
@@ -320,6 +321,9 @@ int main(int argc, char** argv) {
   cli.add_flag("--infrared", infrared, "Their infrared streams too");
   cli.add_option("--robot-mm", robot_mm, "Noise of the arm per axis and stop")->capture_default_str();
   cli.add_option("--views", most_views, "At most")->capture_default_str();
+  cli.add_option("--ahead", ahead, "Views in a plan by information; 1: one planning step")
+      ->check(CLI::Range(1, 6))
+      ->capture_default_str();
   CLI11_PARSE(cli, argc, argv);
 
   std::printf(
@@ -331,6 +335,7 @@ int main(int argc, char** argv) {
     for (const std::string planner : {"information", "coverage", "random"}) {
       Scene scene(static_cast<std::uint64_t>(seed), cameras, infrared, 1e-3 * robot_mm);
       ByInformation information(scene);
+      information.views = ahead;
       ByCoverage coverage;
       AtRandom random{std::mt19937_64(static_cast<std::uint64_t>(seed))};
       Chooser choose = std::ref(information);

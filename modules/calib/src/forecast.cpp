@@ -3,6 +3,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -93,50 +94,62 @@ Places workspacePlaces(const JointCamera& camera, const Eigen::MatrixXd& covaria
   return places;
 }
 
+/// As many rows that tell the same: the corners' noise is that of one, so turning all rows together changes nothing.
+Eigen::MatrixXd condensed(const Eigen::MatrixXd& jacobian, Eigen::Index rows) {
+  if (jacobian.rows() <= rows) return jacobian;
+  const Eigen::Index telling = std::min(rows, jacobian.cols());
+  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(jacobian);
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(rows, jacobian.cols());
+  out.topRows(telling) = Eigen::MatrixXd(qr.matrixQR().topRows(telling).triangularView<Eigen::Upper>());
+  return out;
+}
+
 }  // namespace
 
-/// Whitened rows of one stop, its own error not yet in the noise.
+/// Whitened rows of one stop, and the covariance of its own error and of its corners.
 struct Forecast::Rows {
   struct Look {
-    Eigen::Index own_at = 0, own = 0;
-    Eigen::MatrixXd by_own, by_board, by_stop;
+    Eigen::Index own_at = 0;
+    Eigen::MatrixXd by_own;
   };
-  std::vector<Look> looks;
+  std::vector<Look> looks;   // All of the same size, one below the other.
+  Eigen::MatrixXd by_board;  // Board's pose and shape, of all looks.
+  Eigen::MatrixXd noise;
 
-  Eigen::Index size() const {
-    Eigen::Index size = 0;
-    for (const Look& look : looks) size += look.by_own.rows();
-    return size;
-  }
+  Eigen::Index rowsOfLook() const { return looks.front().by_own.rows(); }
   /// The rows times a matrix over the shared parameters.
   Eigen::MatrixXd times(const Eigen::MatrixXd& shared, Eigen::Index board_at) const {
-    Eigen::MatrixXd out(size(), shared.cols());
+    Eigen::MatrixXd out = by_board * shared.middleRows(board_at, by_board.cols());
     Eigen::Index at = 0;
     for (const Look& look : looks) {
-      auto rows = out.middleRows(at, look.by_own.rows());
-      rows.noalias() = look.by_own * shared.middleRows(look.own_at, look.own);
-      rows.noalias() += look.by_board * shared.middleRows(board_at, look.by_board.cols());
-      at += look.by_own.rows();
+      out.middleRows(at, rowsOfLook()).noalias() +=
+          look.by_own * shared.middleRows(look.own_at, look.by_own.cols());
+      at += rowsOfLook();
     }
     return out;
   }
-  /// Covariance of what the stop will show: the prediction's `by_covariance` = rows times covariance, the
-  /// stop's error, the corners' noise of one.
-  Eigen::MatrixXd spread(const Eigen::MatrixXd& by_covariance, Eigen::Index board_at,
-                         const Vector6d& robot) const {
-    Eigen::MatrixXd stop(size(), 6), out(size(), size());
+  /// Covariance of what the stop will show: the prediction's, the stop's error, the corners' noise. Only the
+  /// lower triangle.
+  Eigen::MatrixXd spread(const Eigen::MatrixXd& covariance, Eigen::Index board_at) const {
+    const Eigen::Index board = by_board.cols(), rows = rowsOfLook();
+    Eigen::MatrixXd out = noise;
+    out.noalias() += by_board * covariance.block(board_at, board_at, board, board) * by_board.transpose();
     Eigen::Index at = 0;
     for (const Look& look : looks) {
-      const Eigen::Index rows = look.by_own.rows();
-      out.middleCols(at, rows).noalias() =
-          by_covariance.middleCols(look.own_at, look.own) * look.by_own.transpose();
-      out.middleCols(at, rows).noalias() +=
-          by_covariance.middleCols(board_at, look.by_board.cols()) * look.by_board.transpose();
-      stop.middleRows(at, rows) = look.by_stop;
+      const Eigen::Index own = look.by_own.cols();
+      const Eigen::MatrixXd with_board =
+          look.by_own * covariance.block(look.own_at, board_at, own, board) * by_board.transpose();
+      out.middleRows(at, rows) += with_board;
+      out.middleCols(at, rows) += with_board.transpose();
+      Eigen::Index other_at = 0;
+      for (const Look* other = looks.data(); other <= &look; ++other) {
+        out.block(at, other_at, rows, rows).noalias() +=
+            look.by_own * covariance.block(look.own_at, other->own_at, own, other->by_own.cols()) *
+            other->by_own.transpose();
+        other_at += rows;
+      }
       at += rows;
     }
-    out.noalias() += stop * robot.asDiagonal() * stop.transpose();
-    out.diagonal().array() += 1.0;
     return out;
   }
 };
@@ -166,10 +179,12 @@ Forecast::Forecast(const BoardSpec& board, const JointSolution& solution, const 
 
 void Forecast::setAims() {
   aims_.clear();
+  const Eigen::MatrixXd& covariance = solution_.covariance;
+  std::vector<Eigen::MatrixXd> by_shared;
+  Eigen::Index all = 0;
   for (const Target& target : targets_) {
     const Eigen::MatrixXd& root = target.root;
     const Eigen::Index at = solution_.cameras[target.camera].intrinsics_at, size = root.cols();
-    const Eigen::MatrixXd& covariance = solution_.covariance;
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(root * covariance.block(at, at, size, size) *
                                                                root.transpose());
     // The largest columns first make up nearly all of it: few are left to be carried along.
@@ -177,17 +192,21 @@ void Forecast::setAims() {
     for (double held = 0.0; columns < size && held < kCounts * eigen.eigenvalues().sum(); ++columns) {
       held += eigen.eigenvalues()[size - 1 - columns];
     }
-    Aim aim;
-    aim.by_shared =
-        covariance.middleCols(at, size) * root.transpose() * eigen.eigenvectors().rightCols(columns);
-    aim.variance = eigen.eigenvalues().sum();
-    aim.weight = target.weight;
-    aims_.push_back(std::move(aim));
+    const Eigen::MatrixXd counting = root.transpose() * eigen.eigenvectors().rightCols(columns);
+    by_shared.emplace_back(covariance.middleCols(at, size) * counting);
+    aims_.push_back({columns, eigen.eigenvalues().sum(), target.weight});
+    all += columns;
+  }
+  aims_by_shared_.resize(covariance.rows(), all);
+  Eigen::Index at = 0;
+  for (const Eigen::MatrixXd& aim : by_shared) {
+    aims_by_shared_.middleCols(at, aim.cols()) = aim;
+    at += aim.cols();
   }
 }
 
-std::vector<Forecast::Rows> Forecast::rowsOf(const std::vector<PlannedStop>& planned,
-                                             const std::vector<int>& corner_ids) const {
+std::vector<Forecast::Prepared> Forecast::rowsOf(const std::vector<PlannedStop>& planned,
+                                                 const std::vector<int>& corner_ids) const {
   BoardDetection detection;
   for (const int id : corner_ids) {
     detection.corners.push_back({id, Eigen::Vector2d::Zero(), Eigen::Matrix2d::Identity()});
@@ -203,8 +222,21 @@ std::vector<Forecast::Rows> Forecast::rowsOf(const std::vector<PlannedStop>& pla
   state.corrections.assign(planned.size(), Vector6d::Zero());
 
   const Eigen::Index common = 6 + problem.layout().shapeSize();
-  std::vector<Rows> out(planned.size());
+  Eigen::Index rows = 0;
+  for (const JointLayout::Camera& camera : problem.layout().cameras) {
+    rows = std::max(rows, camera.size() + common + 6);
+  }
+  rows = std::min(rows, static_cast<Eigen::Index>(2 * detection.corners.size()));
+  Vector6d robot;
+  robot << Eigen::Vector3d::Constant(std::pow(solution_.robot.sigma_m, 2)),
+      Eigen::Vector3d::Constant(std::pow(solution_.robot.sigma_rad, 2));
+  std::vector<Prepared> out;
   for (std::size_t i = 0; i < planned.size(); ++i) {
+    Rows seen_at;
+    const auto most = static_cast<Eigen::Index>(planned[i].looks.size()) * rows;
+    seen_at.by_board.resize(most, common);
+    Eigen::MatrixXd by_stop(most, 6);
+    Eigen::Index at = 0;
     for (const PlannedStop::Look& look : planned[i].looks) {
       // One that is seen with a probability brings its share of the information.
       const JointCamera& camera = solution_.cameras[look.camera];
@@ -216,47 +248,38 @@ std::vector<Forecast::Rows> Forecast::rowsOf(const std::vector<PlannedStop>& pla
       const auto seen = problem.residual(state, view);
       if (!seen) continue;
       const JointLayout::Camera& layout = problem.layout().cameras[look.camera];
-      out[i].looks.push_back({layout.at, layout.size(), seen->jacobian.leftCols(layout.size()),
-                              seen->jacobian.middleCols(layout.size(), common),
-                              seen->jacobian.rightCols<6>()});
+      const Eigen::MatrixXd jacobian = condensed(seen->jacobian, rows);
+      seen_at.looks.push_back({layout.at, jacobian.leftCols(layout.size())});
+      seen_at.by_board.middleRows(at, rows) = jacobian.middleCols(layout.size(), common);
+      by_stop.middleRows(at, rows) = jacobian.rightCols<6>();
+      at += rows;
     }
+    seen_at.by_board.conservativeResize(at, common);
+    by_stop.conservativeResize(at, 6);
+    seen_at.noise = by_stop * robot.asDiagonal() * by_stop.transpose();
+    seen_at.noise.diagonal().array() += 1.0;
+    out.push_back(std::make_shared<const Rows>(std::move(seen_at)));
   }
   return out;
 }
 
-namespace {
-
-Vector6d robotVariance(const JointSolution& solution) {
-  Vector6d out;
-  out << Eigen::Vector3d::Constant(std::pow(solution.robot.sigma_m, 2)),
-      Eigen::Vector3d::Constant(std::pow(solution.robot.sigma_rad, 2));
-  return out;
+std::vector<Forecast::Prepared> Forecast::prepare(const std::vector<PlannedStop>& stops) const {
+  return rowsOf(stops, representatives(board_));
 }
 
-}  // namespace
-
-std::vector<double> Forecast::gains(const std::vector<PlannedStop>& stops) const {
-  const Vector6d robot = robotVariance(solution_);
-  Eigen::Index columns = 0;
-  for (const Aim& aim : aims_) columns += aim.by_shared.cols();
-  Eigen::MatrixXd aims(solution_.covariance.rows(), columns);
-  columns = 0;
-  for (const Aim& aim : aims_) {
-    aims.middleCols(columns, aim.by_shared.cols()) = aim.by_shared;
-    columns += aim.by_shared.cols();
-  }
+std::vector<double> Forecast::gains(const std::vector<Prepared>& stops) const {
   std::vector<double> gains;
-  for (const Rows& rows : rowsOf(stops, representatives(board_))) {
+  for (const Prepared& rows : stops) {
     gains.push_back(0.0);
-    if (rows.looks.empty()) continue;
-    const Eigen::LLT<Eigen::MatrixXd> spread(
-        rows.spread(rows.times(solution_.covariance, solution_.board_at), solution_.board_at, robot));
-    const Eigen::MatrixXd taken = spread.matrixL().solve(rows.times(aims, solution_.board_at));
+    if (rows->looks.empty()) continue;
+    const Eigen::LLT<Eigen::MatrixXd> spread(rows->spread(solution_.covariance, solution_.board_at));
+    Eigen::MatrixXd taken = rows->times(aims_by_shared_, solution_.board_at);
+    spread.matrixL().solveInPlace(taken);
     Eigen::Index at = 0;
     for (const Aim& aim : aims_) {
-      const double less = taken.middleCols(at, aim.by_shared.cols()).squaredNorm();
+      const double less = taken.middleCols(at, aim.columns).squaredNorm();
       gains.back() -= aim.weight * std::log(std::max(1e-6, 1.0 - less / aim.variance));
-      at += aim.by_shared.cols();
+      at += aim.columns;
     }
   }
   return gains;
@@ -265,12 +288,11 @@ std::vector<double> Forecast::gains(const std::vector<PlannedStop>& stops) const
 void Forecast::add(const PlannedStop& stop) {
   std::vector<int> all(board_.corners().size());
   std::iota(all.begin(), all.end(), 0);
-  const Rows rows = rowsOf({stop}, all).front();
-  if (rows.looks.empty()) return;
-  const Eigen::MatrixXd by_covariance = rows.times(solution_.covariance, solution_.board_at);
-  const Eigen::LLT<Eigen::MatrixXd> spread(
-      rows.spread(by_covariance, solution_.board_at, robotVariance(solution_)));
-  const Eigen::MatrixXd taken = spread.matrixL().solve(by_covariance);
+  const Prepared rows = rowsOf({stop}, all).front();
+  if (rows->looks.empty()) return;
+  const Eigen::LLT<Eigen::MatrixXd> spread(rows->spread(solution_.covariance, solution_.board_at));
+  Eigen::MatrixXd taken = rows->times(solution_.covariance, solution_.board_at);
+  spread.matrixL().solveInPlace(taken);
   solution_.covariance -= taken.transpose() * taken;
   setAims();
 }

@@ -19,8 +19,10 @@ constexpr int kPushes = 5;               // of a drawn pose into the image
 
 struct Candidate {
   InformativeView view;
+  calib::Forecast::Prepared prepared;
   double floor = 0.0;  // what the floors lack and it brings
   double gain = 0.0;
+  Eigen::VectorXd q;  // The arm there, once it is taken.
 };
 
 /// Element `index` of the van der Corput sequence in this base: 0 to 1.
@@ -77,22 +79,37 @@ std::optional<Pose<Color, Board>> drawPose(const CameraModel& camera,
   return std::nullopt;
 }
 
-/// What the stop brings of what a floor lacks.
-double floorShare(const coverage::Coverage& floor, const std::vector<Eigen::Vector2d>& pixels,
-                  const Pose<Color, Board>& cMo) {
-  double share = floor.missingMarginals(cMo);
-  for (const int cell : floor.openCells()) {
-    const auto in_cell = std::count_if(pixels.begin(), pixels.end(),
-                                       [&](const auto& pixel) { return floor.cellAt(pixel) == cell; });
-    share += std::min(1.0, static_cast<double>(in_cell) / floor.missingToFill(cell));
+/// What a floor lacks, if a viewer has one.
+class Lacking {
+ public:
+  explicit Lacking(const coverage::Coverage* floor) : floor_(floor) {
+    if (floor != nullptr) open_ = floor->openCells();
   }
-  return share;
-}
+  /// What the stop brings of it.
+  double share(const std::vector<Eigen::Vector2d>& pixels, const Pose<Color, Board>& cMo) const {
+    if (floor_ == nullptr) return 0.0;
+    double share = floor_->missingMarginals(cMo);
+    if (open_.empty()) return share;
+    std::vector<int> in_cell(static_cast<std::size_t>(floor_->cells()), 0);
+    for (const Eigen::Vector2d& pixel : pixels) {
+      if (const auto cell = floor_->cellAt(pixel)) ++in_cell[static_cast<std::size_t>(*cell)];
+    }
+    for (const int cell : open_) {
+      share += std::min(
+          1.0, static_cast<double>(in_cell[static_cast<std::size_t>(cell)]) / floor_->missingToFill(cell));
+    }
+    return share;
+  }
+
+ private:
+  const coverage::Coverage* floor_;
+  std::vector<int> open_;
+};
 
 /// The candidate seen by all who see it; nothing if the one it is meant for does not.
-std::optional<Candidate> candidateOf(const std::vector<Viewer>& viewers, std::size_t meant_for,
-                                     const Pose<Color, Board>& cdMo, const BoardSpec& board,
-                                     const InformativeOptions& options) {
+std::optional<Candidate> candidateOf(const std::vector<Viewer>& viewers, const std::vector<Lacking>& lacking,
+                                     std::size_t meant_for, const Pose<Color, Board>& cdMo,
+                                     const BoardPoints& board, const InformativeOptions& options) {
   const Viewer& wanted = viewers[meant_for];
   Candidate candidate;
   candidate.view.viewer = meant_for;
@@ -112,17 +129,19 @@ std::optional<Candidate> candidateOf(const std::vector<Viewer>& viewers, std::si
       continue;
     }
     candidate.view.stop.looks.push_back({viewer.camera, probability});
-    if (viewer.floor != nullptr) candidate.floor += probability * floorShare(*viewer.floor, *pixels, cMo);
+    candidate.floor += probability * lacking[i].share(*pixels, cMo);
   }
   return candidate;
 }
 
 std::vector<Candidate> draw(const std::vector<Viewer>& viewers, const BoardSpec& board,
                             const InformativeOptions& options) {
-  const std::vector<Eigen::Vector3d> outline = board.patternOutline();
+  const BoardPoints points(board);
   std::vector<Candidate> candidates;
   std::vector<std::size_t> wanted;
+  std::vector<Lacking> lacking;
   for (std::size_t i = 0; i < viewers.size(); ++i) {
+    lacking.emplace_back(viewers[i].floor);
     if (viewers[i].wanted) wanted.push_back(i);
   }
   const int draws = kDrawsPerCandidate * options.candidates;
@@ -131,19 +150,26 @@ std::vector<Candidate> draw(const std::vector<Viewer>& viewers, const BoardSpec&
     const std::size_t meant_for = wanted[static_cast<std::size_t>(i) % wanted.size()];
     // Every viewer has all of the sequence: its elements alternate. The first of them are on lines.
     const int index = 20 + options.draw * draws + i / static_cast<int>(wanted.size());
-    const auto cdMo = drawPose(viewers[meant_for].belief.camera, outline, index,
+    const auto cdMo = drawPose(viewers[meant_for].belief.camera, points.outline, index,
                                viewers[meant_for].image_margin_px, options);
     if (!cdMo || isTried(viewers[meant_for].tried, *cdMo)) continue;
-    if (auto candidate = candidateOf(viewers, meant_for, *cdMo, board, options)) {
+    if (auto candidate = candidateOf(viewers, lacking, meant_for, *cdMo, points, options)) {
       candidates.push_back(*std::move(candidate));
     }
   }
   return candidates;
 }
 
-void weigh(const calib::Forecast& forecast, std::vector<Candidate>& candidates) {
+void prepare(const calib::Forecast& forecast, std::vector<Candidate>& candidates) {
   std::vector<calib::PlannedStop> stops;
   for (const Candidate& candidate : candidates) stops.push_back(candidate.view.stop);
+  const std::vector<calib::Forecast::Prepared> prepared = forecast.prepare(stops);
+  for (std::size_t i = 0; i < prepared.size(); ++i) candidates[i].prepared = prepared[i];
+}
+
+void weigh(const calib::Forecast& forecast, std::vector<Candidate>& candidates) {
+  std::vector<calib::Forecast::Prepared> stops;
+  for (const Candidate& candidate : candidates) stops.push_back(candidate.prepared);
   const std::vector<double> gains = forecast.gains(stops);
   for (std::size_t i = 0; i < gains.size(); ++i) candidates[i].gain = gains[i];
 }
@@ -156,14 +182,21 @@ std::optional<Candidate> takeBest(std::vector<Candidate>& candidates, const robo
     return (candidate.gain + options.floor_worth * candidate.floor) /
            (options.stop_time_s + kServoShare * travelTimeS(bMe_from, candidate.view.bMe, guard.limits()));
   };
+  std::vector<double> utilities;
+  for (const Candidate& candidate : candidates) utilities.push_back(utility(candidate));
   while (!candidates.empty()) {
-    const auto best = std::max_element(candidates.begin(), candidates.end(),
-                                       [&](const auto& a, const auto& b) { return utility(a) < utility(b); });
+    const auto at = std::max_element(utilities.begin(), utilities.end()) - utilities.begin();
+    const auto best = candidates.begin() + at;
     Candidate taken = std::move(*best);
     *best = std::move(candidates.back());
     candidates.pop_back();
+    utilities[static_cast<std::size_t>(at)] = utilities.back();
+    utilities.pop_back();
+    if (!guard.allows(taken.view.bMe)) continue;  // Known sooner than that no joint angles lead there.
     const auto q = guard.kinematics().inverse(taken.view.bMe, from_q, guard.limits().joint_margin_rad);
-    if (q && guard.allows(*q)) return taken;
+    if (!q || !guard.allows(*q)) continue;
+    taken.q = *q;
+    return taken;
   }
   return std::nullopt;
 }
@@ -208,6 +241,7 @@ std::vector<InformativeView> informativeViews(const calib::Forecast& forecast,
   if (viewers.empty()) return {};
   std::vector<Candidate> candidates = draw(viewers, board, options);
   calib::Forecast ahead = forecast;
+  prepare(ahead, candidates);
   weigh(ahead, candidates);
   const auto worth = [&](const Candidate& candidate) {
     return candidate.gain + options.floor_worth * candidate.floor;
@@ -217,11 +251,11 @@ std::vector<InformativeView> informativeViews(const calib::Forecast& forecast,
   while (static_cast<int>(views.size()) < options.views) {
     auto best = takeBest(candidates, guard, from_q, options);
     if (!best) break;
-    ahead.add(best->view.stop);
-    from_q =
-        guard.kinematics().inverse(best->view.bMe, from_q, guard.limits().joint_margin_rad).value_or(from_q);
+    from_q = best->q;
     best->view.gain = best->gain;
     views.push_back(std::move(best->view));
+    if (static_cast<int>(views.size()) == options.views) break;
+    ahead.add(views.back().stop);
     // What was worth little before is worth little now.
     const std::size_t kept = std::min(kShortlist, candidates.size());
     std::partial_sort(candidates.begin(), candidates.begin() + static_cast<std::ptrdiff_t>(kept),

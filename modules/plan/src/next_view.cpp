@@ -58,6 +58,7 @@ NextView nextView(const coverage::Coverage& coverage, const Belief& belief, cons
     return forMount(belief.mount, belief.bMc * cdMo * belief.eMo.inverse());
   };
   const auto rotations = orientations(options);
+  const BoardPoints points(board);
 
   // Candidates that serve `cell`, or the marginals anywhere near the image centre, best first.
   const auto candidatesFor = [&](std::optional<int> cell) {
@@ -76,7 +77,7 @@ NextView nextView(const coverage::Coverage& coverage, const Belief& belief, cons
             Candidate candidate{Pose<Color, Board>(rotation, distance_m * ray->homogeneous()), {}, 0.0};
             const int marginals = coverage.missingMarginals(candidate.cdMo);
             if (!cell && marginals == 0) continue;
-            auto pixels = visibleCorners(candidate.cdMo, camera, board, options.image_margin_px);
+            auto pixels = visibleCorners(candidate.cdMo, camera, points, options.image_margin_px);
             if (!pixels) continue;
             bool fills_cell = false;
             if (cell) {

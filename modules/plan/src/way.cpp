@@ -1,28 +1,35 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "way.h"
 
-#include <Eigen/SVD>
+#include <Eigen/Cholesky>
 #include <algorithm>
 
 namespace servocal::plan {
 namespace {
 
 bool nearSingular(const robot::Guard& guard, const Eigen::VectorXd& q, double min_singular_value) {
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(guard.kinematics().jacobian(q));
-  return svd.singularValues().minCoeff() < min_singular_value;
+  const Eigen::MatrixXd jacobian = guard.kinematics().jacobian(q);
+  // The squares of the singular values are the eigenvalues of the smaller of the two products, of which a
+  // Cholesky decomposition asks for less than an SVD.
+  Eigen::MatrixXd squares = jacobian.rows() <= jacobian.cols()
+                                ? Eigen::MatrixXd(jacobian * jacobian.transpose())
+                                : Eigen::MatrixXd(jacobian.transpose() * jacobian);
+  squares.diagonal().array() -= min_singular_value * min_singular_value;
+  return squares.llt().info() != Eigen::Success;
 }
 
 }  // namespace
 
 std::optional<std::vector<Eigen::Vector2d>> visibleCorners(const Pose<Color, Board>& cMo,
-                                                           const CameraModel& camera, const BoardSpec& board,
-                                                           double margin_px) {
-  for (const Eigen::Vector3d& point : board.patternOutline()) {
+                                                           const CameraModel& camera,
+                                                           const BoardPoints& board, double margin_px) {
+  for (const Eigen::Vector3d& point : board.outline) {
     const auto pixel = camera.project(cMo * point);
     if (!pixel || !camera.contains(*pixel, margin_px)) return std::nullopt;
   }
   std::vector<Eigen::Vector2d> pixels;
-  for (const Eigen::Vector3d& corner : board.corners()) {
+  pixels.reserve(board.corners.size());
+  for (const Eigen::Vector3d& corner : board.corners) {
     const auto pixel = camera.project(cMo * corner);
     if (!pixel) return std::nullopt;
     pixels.push_back(*pixel);
@@ -48,6 +55,7 @@ bool straightWayFree(const robot::Guard& guard, const Eigen::VectorXd& from_q,
     const double t = double(i) / steps;
     const auto bMe = Pose<Base, EndEffector>::fromQuaternion(
         q_from.slerp(t, q_goal), (1 - t) * bMe_from.translation() + t * bMe_goal.translation());
+    if (!guard.allows(bMe)) return false;
     const auto next = guard.kinematics().inverse(bMe, q, guard.limits().joint_margin_rad);
     if (!next || (*next - q).cwiseAbs().maxCoeff() > kMaxJointStepRad) return false;
     if (!guard.allows(*next) || nearSingular(guard, *next, min_singular_value)) return false;

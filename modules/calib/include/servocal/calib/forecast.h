@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <memory>
 #include <vector>
 
 #include "servocal/calib/joint.h"
@@ -53,8 +54,16 @@ class Forecast {
   ///   it: how they act at a stop that has not been made depends on joint angles that nobody knows yet.
   Forecast(const BoardSpec& board, const JointSolution& solution, const ForecastOptions& options);
 
+  /// What of a stop does not change while others are added: to weigh it again costs much less than the first
+  /// time. For this forecast and its copies.
+  struct Rows;
+  using Prepared = std::shared_ptr<const Rows>;
+  [[nodiscard]] std::vector<Prepared> prepare(const std::vector<PlannedStop>& stops) const;
   /// Of each stop, on its own. A look at which a corner would not project counts as none.
-  [[nodiscard]] std::vector<double> gains(const std::vector<PlannedStop>& stops) const;
+  [[nodiscard]] std::vector<double> gains(const std::vector<Prepared>& stops) const;
+  [[nodiscard]] std::vector<double> gains(const std::vector<PlannedStop>& stops) const {
+    return gains(prepare(stops));
+  }
   /// Takes the stop for made.
   void add(const PlannedStop& stop);
 
@@ -68,21 +77,22 @@ class Forecast {
     Eigen::MatrixXd root;  // R with R^T R = A_I or A_3, over that camera's intrinsics and pose
     double weight = 1.0;
   };
-  /// A target at the present covariance, in few columns.
+  /// A target at the present covariance, in few columns of aims_by_shared_.
   struct Aim {
-    Eigen::MatrixXd by_shared;  // covariance of the shared parameters with what counts
+    Eigen::Index columns = 0;
     double variance = 0.0;
     double weight = 1.0;
   };
-  struct Rows;
 
   void setAims();
-  std::vector<Rows> rowsOf(const std::vector<PlannedStop>& stops, const std::vector<int>& corner_ids) const;
+  std::vector<Prepared> rowsOf(const std::vector<PlannedStop>& stops,
+                               const std::vector<int>& corner_ids) const;
 
   BoardSpec board_;
   JointSolution solution_;
   std::vector<Target> targets_;
-  std::vector<Aim> aims_;
+  std::vector<Aim> aims_;           // One per target.
+  Eigen::MatrixXd aims_by_shared_;  // Covariance of the shared parameters with what counts, aim beside aim.
 };
 
 }  // namespace servocal::calib
