@@ -10,6 +10,7 @@ namespace servocal::procedure {
 namespace {
 
 constexpr double kDegree = M_PI / 180.0;
+constexpr int kStrideDeg = 15;        // On the way to a limit, where every stop counts for coverage.
 constexpr int kStepDeg = 5;           // Resolution of a limit,
 constexpr int kInfraredStepDeg = 15;  // and of that of the stream that is not servoed on.
 constexpr int kCapDeg = 75;
@@ -48,24 +49,27 @@ int roundedDown(double angle_deg) { return kStepDeg * static_cast<int>(std::floo
 /// The search of one camera's two streams.
 class TiltSearch {
  public:
+  /// Stops on the way cost time; coverage wants their views, the planner by information finds better ones.
   TiltSearch(Run& run, Eye& color, const Pose<Color, Board>& cMo_facing)
       : run_(run), color_(color), infrared_(run.find(color.camera(), Stream::kInfrared)),
-        cMo_facing_(cMo_facing), bMe_facing_(run.guard().state().bMe) {
+        cMo_facing_(cMo_facing), bMe_facing_(run.guard().state().bMe),
+        in_strides_(run.cell().planner.choose_by != Planner::kInformation) {
     options_.lost_tries = 1;  // losing the board is what the search is for
     options_.settled_for = std::chrono::milliseconds(100);
   }
 
-  /// Straight to the cap: the servo sees on the way where the board is lost. Then in single steps from there.
-  /// A board that a long way lost, moving fast, may still be seen by one that rests.
+  /// In strides, or straight to the cap: the servo sees on the way where the board is lost. Then in single
+  /// steps from there. A board that a long way lost, moving fast, may still be seen by one that rests.
   void find(const Direction& direction) {
     color_limit_ = infrared_limit_ = {};
     std::string ended_by = "cap";
     bool from_facing = false;
-    for (int angle_deg = direction.cap_deg;;) {
+    int stride_deg = in_strides_ ? kStrideDeg : direction.cap_deg;
+    for (int angle_deg = stride_deg;;) {
       const std::optional<Run::Visit> visit = tilt(direction, angle_deg);
       if (visit && visit->observation) {
         if (angle_deg == direction.cap_deg) break;
-        angle_deg += kStepDeg;
+        angle_deg = std::min(angle_deg + stride_deg, direction.cap_deg);
         continue;
       }
       const bool out_of_reach = !visit || visit->drive.status == DriveStatus::kLimit ||
@@ -79,10 +83,13 @@ class TiltSearch {
         ended_by = out_of_reach ? "reach" : "detection";
         break;
       }
+      stride_deg = kStepDeg;
       int next_deg = angle_deg - kStepDeg;
       if (visit && visit->drive.last) {
-        const int half_way_deg = roundedDown(0.5 * (color_limit_.seen_deg + angle_deg));
-        next_deg = std::max(half_way_deg, roundedDown(angleOf(direction, visit->drive.last->cMo) / kDegree));
+        // Where the arm came to its limit; or where the board was lost, unless that was too early to be true.
+        next_deg = roundedDown(angleOf(direction, visit->drive.last->cMo) / kDegree);
+        if (!out_of_reach)
+          next_deg = std::max(next_deg, roundedDown(0.5 * (color_limit_.seen_deg + angle_deg)));
       }
       angle_deg = std::clamp(next_deg, color_limit_.seen_deg + kStepDeg, angle_deg - kStepDeg);
     }
@@ -130,6 +137,7 @@ class TiltSearch {
   Eye* const infrared_;
   const Pose<Color, Board> cMo_facing_;
   const Pose<Base, EndEffector> bMe_facing_;
+  const bool in_strides_;
   servo::DriveOptions options_;
   Limit color_limit_, infrared_limit_;
 };
