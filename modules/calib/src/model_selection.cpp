@@ -134,8 +134,9 @@ std::optional<JointSolution> fitDetermined(const BoardSpec& board, const JointOp
 }
 
 void add(const BoardSpec& board, const Part& part, const JointSolution& solution, Predictions& out) {
-  ++out.parts;
-  for (const HeldOutView& view : predictHeldOut(board, part.held_out, solution).views) {
+  const std::vector<HeldOutView> predicted = predictHeldOut(board, part.held_out, solution).views;
+  out.parts += predicted.empty() ? 0 : 1;
+  for (const HeldOutView& view : predicted) {
     out.log_density[view.observation_id][{view.camera, view.stream}] = view.log_density;
     ++out.views;
     out.squares_px2 += view.rms_px * view.rms_px * view.degrees;
