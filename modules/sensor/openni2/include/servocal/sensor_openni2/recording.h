@@ -4,11 +4,10 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
-#include <opencv2/core/mat.hpp>
 #include <optional>
 #include <vector>
 
-#include "servocal/core/observation.h"
+#include "servocal/sensor/rgbd_camera.h"
 
 namespace servocal::openni2 {
 
