@@ -74,10 +74,9 @@ class Solve {
 
   HandEyeOutcome run() {
     if (options.start && !fitFromStart()) return outcome;
-    if (solved && !solved->fit.converged) solved.reset();
-    if (!solved && !fitFromClosedForm()) return outcome;
+    if (!hasConverged() && !fitFromClosedForm()) return outcome;
     outcome.status = HandEyeStatus::kNotConverged;
-    if (!solved->fit.converged) return outcome;
+    if (!hasConverged()) return outcome;
     if (!solved->left_out.empty()) explain();  // With outliers kept, it need not converge: nobody relies on it.
     report();
     outcome.status = HandEyeStatus::kSolved;
@@ -97,6 +96,8 @@ class Solve {
   std::optional<GatedFit> solved;
   HandEyeSolution solution;
   HandEyeOutcome outcome;
+
+  bool hasConverged() const { return solved.has_value() && solved->fit.converged; }
 
   void findCandidates() {
     for (const HandEyeStop& view : views) {
