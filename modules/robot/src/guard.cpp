@@ -16,6 +16,8 @@ namespace {
 
 // A command after standing still may change the speed by as much as this long a time allows.
 constexpr double kFirstStepS = 0.008;
+// m/s, rad/s: what rounding leaves of a motion that braked. It is no motion from which a ramp may go on.
+constexpr double kRest = 1e-9;
 constexpr double kPeriodS = 0.008;        // Of the commands that brake to a stop.
 constexpr double kStillMps = 0.001;       // The arm counts as standing below these
 constexpr double kStillRadps = 0.003;
@@ -218,10 +220,8 @@ GuardVerdict Guard::judge(const Motion& wanted, std::optional<Instant> seen) {
                                         "; the arm braked and starts again.");
     *last_applied_ = atRest();
   }
-  if (last_applied_->isZero()) {
-    dt = std::min(dt, kFirstStepS);
-    *last_applied_ = wanted.scaled(0.0);
-  }
+  if (last_applied_->velocity.isZero(kRest)) dt = std::min(dt, kFirstStepS);
+  if (last_applied_->isZero()) *last_applied_ = wanted.scaled(0.0);
   dt = std::max(dt, 0.0);
   const Motion last = *last_applied_;
 

@@ -68,6 +68,17 @@ TEST(Guard, KeepsTheSpeedLimitOfTheBoardToo) {
   EXPECT_GT(control.fastest_corner, 0.2505);
 }
 
+TEST(Guard, WhatRoundingLeavesOfAMotionIsRest) {
+  Cell cell;
+  cell.clock.sleepFor(fromSeconds(0.008));
+  (void)cell.guard->commandJoints(Eigen::VectorXd::Constant(6, 1e-13));
+  ASSERT_FALSE(cell.arm.log().back().joints.isZero(0.0));
+  cell.clock.sleepFor(fromSeconds(0.020));
+  (void)cell.guard->commandJoints(Eigen::VectorXd::Unit(6, 5));
+  EXPECT_LE(cell.arm.log().back().joints.maxCoeff(), 2.4 * 0.008 * (1 + 1e-6));
+  EXPECT_GT(cell.arm.log().back().joints.maxCoeff(), 0.0);
+}
+
 TEST(Guard, RampsUpAndBrakesWithinTheAccelerationLimits) {
   Cell cell;
   cell.hold({{0.25, 0, 0}, {0, 0, 0}}, 0.5);
