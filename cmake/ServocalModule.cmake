@@ -54,3 +54,17 @@ function(servocal_add_test name)
   endif()
   gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60 PROPERTIES ${properties})
 endfunction()
+
+# servocal_add_counted_test(name DEFINITION few many SOURCES ...): the same program twice, <name>_<few> with DEFINITION=few
+# under the given labels, and <name>_<many> for the nightly run.
+function(servocal_add_counted_test name definition few many)
+  cmake_parse_arguments(ARG "" "LABELS;TIMEOUT" "" ${ARGN})
+  foreach(count IN ITEMS ${few} ${many})
+    set(labels ${ARG_LABELS})
+    if(count EQUAL many)
+      set(labels nightly)
+    endif()
+    servocal_add_test(${name}_${count} ${ARG_UNPARSED_ARGUMENTS} LABELS ${labels} TIMEOUT ${ARG_TIMEOUT})
+    target_compile_definitions(${name}_${count} PRIVATE ${definition}=${count})
+  endforeach()
+endfunction()
