@@ -173,16 +173,16 @@ TEST(Faults, SlowAndDarkCamerasAreNamedAndDoNotHoldUpTheOthers) {
   cell.cameras.back().name = "dark";
   cell.simulation->cameras.push_back(cell.simulation->cameras[0]);
   cell.simulation->cameras.back().name = "dark";
-  cell.simulation->cameras[1].rate_hz = 4.0;
   for (CameraConfig& camera : cell.cameras) camera.infrared.reset();
-  SpoiledRun run(cell);
-  sensor::CameraInfo promised = run.simulation.camera("slow").info();
-  promised.streams[0].rate_hz = 30.0;
-  test::SpoiledCamera slow(
-      run.simulation.camera("slow"), [](sensor::Frame&) {}, promised);
-  test::SpoiledCamera dark(run.simulation.camera("dark"),
-                           [](sensor::Frame& frame) { test::expose(frame, 0.04); });
-  const CalibrationResult result = run.run({&run.simulation.camera("front"), &slow, &dark});
+  SimulationFault slow, dark;
+  slow.kind = FaultKind::kSlowFrames;
+  slow.camera = "slow";
+  slow.rate_hz = 4.0;
+  dark.kind = FaultKind::kExposure;
+  dark.camera = "dark";
+  dark.gain = 0.04;
+  cell.simulation->faults = {slow, dark};
+  const CalibrationResult result = run(cell);
   ASSERT_GE(result.cameras.size(), 1u);
   EXPECT_EQ(result.cameras[0].camera, "front");
   EXPECT_TRUE(result.cameras[0].hand_eye);

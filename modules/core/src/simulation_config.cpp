@@ -20,9 +20,9 @@ double angle(const ConfigReader& section, const char* key_deg, double max_deg, d
   return section.number(key_deg, {0.0, max_deg}, fallback_rad / kRadPerDeg) * kRadPerDeg;
 }
 
-const std::vector<std::string> kFaultNames = {"inkjet_print",      "depth_unit", "clock_offset",
-                                              "late_delivery",     "mount_slip", "camera_bump",
-                                              "camera_turned_away"};  ///< In the order of FaultKind.
+const std::vector<std::string> kFaultNames = {
+    "inkjet_print", "depth_unit",         "clock_offset", "late_delivery", "mount_slip",
+    "camera_bump",  "camera_turned_away", "exposure",     "slow_frames"};  ///< In the order of FaultKind.
 
 /// Keys that color and infrared share; those of `sensor` are the defaults.
 void readSensor(const ConfigReader& section, SimulatedSensorConfig& sensor) {
@@ -153,6 +153,18 @@ SimulationFault readFault(const ConfigReader& section, const std::vector<CameraC
     case FaultKind::kLateDelivery: fault.offset_s = section.number("offset_s", {0.0, 10.0}); break;
     case FaultKind::kMountSlip:
     case FaultKind::kCameraBump: readMotion(section, fault); break;
+    case FaultKind::kExposure:
+      fault.at_s = section.number("at_s", {0.0, 1e6}, 0.0);
+      fault.gain = section.number("gain", {0.0, 20.0}, 1.0);
+      fault.flicker = section.number("flicker", {0.0, 1.0}, 0.0);
+      if (fault.gain == 1.0 && fault.flicker == 0.0) {
+        section.fail("kind", "needs a 'gain' other than 1, or 'flicker'");
+      }
+      break;
+    case FaultKind::kSlowFrames:
+      fault.at_s = section.number("at_s", {0.0, 1e6}, 0.0);
+      fault.rate_hz = section.number("rate_hz", {0.1, 1000.0});
+      break;
   }
   section.finish();
   return fault;

@@ -2,9 +2,11 @@
 #include "simulated_camera.h"
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 
 #include "background.h"
+#include "faults.h"
 #include "projector_dots.h"
 
 namespace servocal::sim {
@@ -13,17 +15,28 @@ namespace {
 constexpr double kInfraredWhite = 165.0;
 constexpr double kInkjetBlack = 0.96;  // Dye ink lets infrared through to the paper.
 
+/// Of faults in order of their time the last that has begun; null if none has.
+const SimulationFault* lastBegun(const std::vector<SimulationFault>& faults, Instant now) {
+  const SimulationFault* last = nullptr;
+  for (const SimulationFault& fault : faults) {
+    if (fault.at_s <= toSeconds(now)) last = &fault;
+  }
+  return last;
+}
+
 }  // namespace
 
 SimulatedCamera::Faults SimulatedCamera::faultsOf(const SimulationConfig& simulation,
                                                   const std::string& camera) {
   Faults faults;
-  for (const SimulationFault& fault : simulation.faults) {
+  for (const SimulationFault& fault : faultsInOrder(simulation)) {
     if (fault.kind == FaultKind::kInkjetPrint) faults.inkjet = true;
     if (fault.camera != camera) continue;
     if (fault.kind == FaultKind::kClockOffset) faults.clock_offset_s += fault.offset_s;
     if (fault.kind == FaultKind::kLateDelivery) faults.late_s += fault.offset_s;
     if (fault.kind == FaultKind::kDepthUnit) faults.depth_unit_m = fault.unit_m;
+    if (fault.kind == FaultKind::kExposure) faults.exposure.push_back(fault);
+    if (fault.kind == FaultKind::kSlowFrames) faults.slow.push_back(fault);
   }
   return faults;
 }
@@ -72,6 +85,24 @@ void SimulatedCamera::activate(Side side) {
   running_from_ = clock_.now() + fromSeconds(config_.switch_s);
 }
 
+bool SimulatedCamera::isLost(const FrameSchedule& frames, std::int64_t index) const {
+  const SimulationFault* const slow = lastBegun(faults_.slow, frames.exposed(index, 0.5));
+  if (slow == nullptr) return false;
+  const double share = slow->rate_hz / frames.rateHz(), count = static_cast<double>(index);
+  return share < 1.0 && std::floor(share * count) == std::floor(share * (count - 1.0));
+}
+
+cv::Mat SimulatedCamera::exposed(const cv::Mat& image, Stream stream, std::int64_t index,
+                                 Instant stamp) const {
+  const SimulationFault* const exposure = lastBegun(faults_.exposure, stamp);
+  if (exposure == nullptr) return image;
+  Random random(seed_ ^ scramble(static_cast<std::uint64_t>(index)),
+                std::string("exposure ") + toString(stream) + info_.name);
+  cv::Mat brighter;
+  image.convertTo(brighter, -1, exposure->gain * (1.0 + exposure->flicker * random.uniform(-1.0, 1.0)));
+  return brighter;
+}
+
 std::optional<sensor::Frame> SimulatedCamera::next(Stream stream, Instant deadline) {
   if (!has(stream)) {
     throw std::invalid_argument("camera '" + info_.name + "' has no " + toString(stream) + " stream");
@@ -83,8 +114,10 @@ std::optional<sensor::Frame> SimulatedCamera::next(Stream stream, Instant deadli
   std::int64_t earliest = last + 1;
   if (running_from_ > Instant{}) earliest = std::max(earliest, frames.firstExposedFrom(running_from_));
   std::int64_t frame = frames.newestDelivered(clock_.now());
+  while (frame >= earliest && isLost(frames, frame)) --frame;
   if (frame < earliest) {
-    frame = earliest;
+    frame = std::max(earliest, frames.newestDelivered(clock_.now()) + 1);
+    while (isLost(frames, frame)) ++frame;
     if (frames.delivered(frame) > deadline) {
       clock_.sleepUntil(deadline);
       return std::nullopt;
@@ -101,8 +134,8 @@ sensor::Frame SimulatedCamera::expose(Stream stream, std::int64_t index) {
   sensor::Frame frame;
   frame.stream = stream;
   switch (stream) {
-    case Stream::kColor: frame.image = colorImage(index); break;
-    case Stream::kInfrared: frame.image = infraredImage(index); break;
+    case Stream::kColor: frame.image = exposed(colorImage(index), stream, index, middle); break;
+    case Stream::kInfrared: frame.image = exposed(infraredImage(index), stream, index, middle); break;
     case Stream::kDepth: frame.image = depthImage(index); break;
   }
   frame.stamp = middle + fromSeconds(faults_.clock_offset_s);

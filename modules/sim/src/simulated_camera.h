@@ -4,6 +4,7 @@
 #include <array>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "camera_truth.h"
 #include "depth_renderer.h"
@@ -38,12 +39,18 @@ class SimulatedCamera final : public sensor::RgbdCamera {
     double late_s = 0.0;
     double depth_unit_m = 0.001;
     bool inkjet = false;
+    std::vector<SimulationFault> exposure;  ///< By time; the last that has begun counts.
+    std::vector<SimulationFault> slow;      ///< Likewise.
   };
   static Faults faultsOf(const SimulationConfig& simulation, const std::string& camera);
 
   bool has(Stream stream) const;
   const FrameSchedule& schedule(Side side) const;
   void activate(Side side);
+  /// A frame that never leaves the camera.
+  bool isLost(const FrameSchedule& frames, std::int64_t index) const;
+  /// As another exposure or another light would have made it.
+  cv::Mat exposed(const cv::Mat& image, Stream stream, std::int64_t index, Instant stamp) const;
   sensor::Frame expose(Stream stream, std::int64_t index);
   cv::Mat colorImage(std::int64_t index);
   cv::Mat infraredImage(std::int64_t index);

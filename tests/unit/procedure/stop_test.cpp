@@ -3,7 +3,6 @@
 // right.
 #include <gtest/gtest.h>
 
-#include <array>
 #include <cmath>
 #include <iostream>
 #include <utility>
@@ -12,7 +11,6 @@
 #include "run.h"
 #include "servocal/sim/cell.h"
 #include "sim_truth.h"
-#include "spoiled_camera.h"
 #include "temporary_folder.h"
 
 namespace servocal::procedure {
@@ -48,9 +46,7 @@ class CreepingArm final : public robot::Arm {
 
 /// A cell with one camera, at its start pose, where the camera sees the board.
 struct Stand {
-  explicit Stand(const CellConfig& its_cell = test::oneCameraCell(), test::SpoiledCamera::Spoil spoil = {})
-      : cell(its_cell), camera(
-                            simulation.camera(cell.cameras[0].name), spoil ? spoil : [](sensor::Frame&) {}) {}
+  explicit Stand(const CellConfig& its_cell = test::oneCameraCell()) : cell(its_cell) {}
 
   Eye& eye() { return run.eyes().front(); }
   std::optional<Observation> observe() { return run.observe("cover", eye()); }
@@ -58,7 +54,6 @@ struct Stand {
   CellConfig cell;
   sim::Cell simulation{cell, 3};
   CreepingArm arm{simulation.arm()};
-  test::SpoiledCamera camera;
   robot::Kinematics kinematics{cell.arm};
   robot::Guard guard{arm, kinematics, simulation.clock(), cell};
   test::TemporaryFolder folder;
@@ -66,8 +61,21 @@ struct Stand {
   const EventSink on_event{};
   const LookSink on_look{};
   const CalibrateOptions options{};
-  Run run{cell, Devices{simulation.clock(), guard, {&camera}}, session, on_event, options, on_look};
+  Run run{cell,    Devices{simulation.clock(), guard, {&simulation.camera(cell.cameras[0].name)}},
+          session, on_event,
+          options, on_look};
 };
+
+CellConfig exposedCell(double gain, double flicker) {
+  CellConfig cell = test::oneCameraCell();
+  SimulationFault exposure;
+  exposure.kind = FaultKind::kExposure;
+  exposure.camera = cell.cameras[0].name;
+  exposure.gain = gain;
+  exposure.flicker = flicker;
+  cell.simulation->faults.push_back(exposure);
+  return cell;
+}
 
 /// The board jumps to and fro on its mount between any two exposures of the first second.
 CellConfig swayingCell() {
@@ -106,7 +114,6 @@ TEST(Stop, AnArmThatCreepsIsNotObserved) {
 }
 
 TEST(Stop, AFlickeringExposureMovesNoCorner) {
-  int frame_number = 0;
   const auto rmsPx = [](Stand& stand, const Observation& observation) {
     const sim::Truth truth(stand.simulation);
     const auto corners = truth.corners(stand.cell.cameras[0].name, observation.views[0].stamp);
@@ -116,9 +123,7 @@ TEST(Stop, AFlickeringExposureMovesNoCorner) {
     }
     return std::sqrt(squares_px2 / static_cast<double>(observation.views[0].detection.corners.size()));
   };
-  Stand sound, flickering(test::oneCameraCell(), [&](sensor::Frame&frame) {
-    test::expose(frame, std::array{1.0, 0.35, 1.5}[static_cast<std::size_t>(frame_number++ % 3)]);
-  });
+  Stand sound, flickering(exposedCell(0.92, 0.62));  // 0.35 to 1.5
   const auto right = sound.observe(), spoiled = flickering.observe();
   ASSERT_TRUE(right && spoiled);
   ASSERT_EQ(spoiled->views[0].detection.corners.size(), right->views[0].detection.corners.size());
@@ -129,7 +134,7 @@ TEST(Stop, AFlickeringExposureMovesNoCorner) {
 
 TEST(Stop, DarknessAndGlareAreNamed) {
   for (const auto& [gain, part] : {std::pair{0.05, "almost black"}, std::pair{8.0, "saturated"}}) {
-    Stand stand(test::oneCameraCell(), [gain = gain](sensor::Frame& frame) { test::expose(frame, gain); });
+    Stand stand(exposedCell(gain, 0.0));
     EXPECT_FALSE(stand.observe());
     const auto problem = bootstrap(stand.run, stand.eye());
     ASSERT_TRUE(problem);

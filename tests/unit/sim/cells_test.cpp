@@ -119,13 +119,15 @@ TEST(SimulationSection, InfraredAndFaultsAreRead) {
     - {kind: mount_slip, at_s: 60, translation_m: [0.003, 0, 0]}
     - {kind: camera_bump, camera: front, at_s: 90, rotation_vector_deg: [0, 2, 0]}
     - {kind: camera_turned_away, camera: left}
+    - {kind: exposure, camera: left, at_s: 7, gain: 0.5, flicker: 0.25}
+    - {kind: slow_frames, camera: right, rate_hz: 4}
 )";
   const SimulationConfig simulation = parseCell(text, "cell.yaml").simulation.value();
   ASSERT_TRUE(simulation.cameras[2].infrared.has_value());
   EXPECT_EQ(simulation.cameras[2].infrared->black, 0.3);
   EXPECT_EQ(simulation.cameras[2].infrared->depth.noise_m, 0.002);
   EXPECT_EQ(simulation.cameras[2].infrared->depth.nearest_m, 0.4);  // Still a v1's.
-  ASSERT_EQ(simulation.faults.size(), 7u);
+  ASSERT_EQ(simulation.faults.size(), 9u);
   EXPECT_EQ(simulation.faults[1].camera, "left");
   EXPECT_EQ(simulation.faults[1].unit_m, 0.0001);
   EXPECT_EQ(simulation.faults[2].kind, FaultKind::kClockOffset);
@@ -133,9 +135,12 @@ TEST(SimulationSection, InfraredAndFaultsAreRead) {
   EXPECT_EQ(simulation.faults[4].at_s, 60.0);
   EXPECT_EQ(simulation.faults[4].translation_m.x(), 0.003);
   EXPECT_NEAR(simulation.faults[5].rotation_rad.y(), 2.0 * M_PI / 180.0, 1e-12);
-  for (std::size_t i = 0; i < 7; ++i) {  // Names and enumerators go together.
-    EXPECT_EQ(static_cast<std::size_t>(simulation.faults[i].kind),
-              (std::vector<std::size_t>{0, 1, 2, 3, 4, 5, 6})[i]);
+  EXPECT_EQ(simulation.faults[7].at_s, 7.0);
+  EXPECT_EQ(simulation.faults[7].gain, 0.5);
+  EXPECT_EQ(simulation.faults[7].flicker, 0.25);
+  EXPECT_EQ(simulation.faults[8].rate_hz, 4.0);
+  for (std::size_t i = 0; i < 9; ++i) {  // Names and enumerators go together.
+    EXPECT_EQ(static_cast<std::size_t>(simulation.faults[i].kind), i);
   }
 }
 
@@ -150,6 +155,7 @@ TEST(SimulationSection, MistakesAreRefused) {
   expectPart(faultSaid("{kind: mount_slip, at_s: 1}"), "'translation_m' or 'rotation_vector_deg'");
   expectPart(faultSaid("{kind: inkjet_print, camera: left}"), "unknown key 'camera'");
   expectPart(faultSaid("{kind: late_delivery, camera: left, offset_s: -1}"), "allowed: 0 to 10");
+  expectPart(faultSaid("{kind: exposure, camera: left}"), "needs a 'gain' other than 1, or 'flicker'");
   const std::string one = textOf("one_camera.yaml");
   expectPart(refusal(one, "      focal_px: 1066", "      infrared: {black: 0.2}\n      focal_px: 1066"),
              "unknown key 'infrared'");  // The camera has none.

@@ -121,6 +121,64 @@ TEST(Faults, LateDeliveryLeavesStamps) {
   EXPECT_NEAR(toSeconds(slow.received - right.received), 0.08, 1e-9);
 }
 
+TEST(Faults, ExposureChangesGraysAloneAndFromItsTimeOn) {
+  SimulationFault dark = fault(FaultKind::kExposure, kCamera);
+  dark.at_s = 1.0;
+  dark.gain = 0.25;
+  Cell cell(cellWith(dark), 1), sound(test::kinectSimCell(DepthSensor::kTimeOfFlight), 1);
+  for (const double gain : {1.0, 0.25}) {
+    for (const Stream stream : {Stream::kColor, Stream::kInfrared}) {
+      const sensor::Frame wrong = nextFrame(cell, stream), right = nextFrame(sound, stream);
+      EXPECT_EQ(wrong.stamp, right.stamp);
+      cv::Mat expected;
+      right.image.convertTo(expected, -1, gain);
+      EXPECT_EQ(cv::norm(wrong.image, expected, cv::NORM_INF), 0.0) << toString(stream);
+    }
+    cell.clock().sleepUntil(Instant(seconds(2)));
+    sound.clock().sleepUntil(Instant(seconds(2)));
+  }
+  EXPECT_EQ(
+      cv::norm(nextFrame(cell, Stream::kDepth).image, nextFrame(sound, Stream::kDepth).image, cv::NORM_INF),
+      0.0);
+}
+
+TEST(Faults, FlickerIsDrawnForEachFrame) {
+  SimulationFault flicker = fault(FaultKind::kExposure, kCamera);
+  flicker.flicker = 0.5;
+  Cell cell(cellWith(flicker), 1), sound(test::kinectSimCell(DepthSensor::kTimeOfFlight), 1);
+  double least = 10.0, most = 0.0;
+  for (int i = 0; i < 8; ++i) {
+    const double gain = cv::mean(nextFrame(cell, Stream::kColor).image)[0] /
+                        cv::mean(nextFrame(sound, Stream::kColor).image)[0];
+    least = std::min(least, gain);
+    most = std::max(most, gain);
+  }
+  EXPECT_GT(least, 0.45);
+  EXPECT_LT(least, 0.85);
+  EXPECT_GT(most, 1.05);
+  EXPECT_LT(most, 1.55);
+}
+
+TEST(Faults, SlowFramesComeAtTheirRateFromTheirTimeOn) {
+  SimulationFault slow = fault(FaultKind::kSlowFrames, kCamera);
+  slow.at_s = 2.0;
+  slow.rate_hz = 4.0;
+  Cell cell(cellWith(slow), 1), sound(test::kinectSimCell(DepthSensor::kTimeOfFlight), 1);
+  const auto count = [](Cell& its_cell, int until_s) {
+    int frames = 0;
+    std::uint64_t last = 0;
+    while (const auto frame = its_cell.camera(kCamera).next(Stream::kColor, Instant(seconds(until_s)))) {
+      EXPECT_TRUE(frames == 0 || frame->sequence > last);
+      last = frame->sequence;
+      ++frames;
+    }
+    return frames;
+  };
+  EXPECT_EQ(count(cell, 2), count(sound, 2));
+  EXPECT_NEAR(count(cell, 4), 8, 2);
+  EXPECT_EQ(cell.camera(kCamera).info().streams[0].rate_hz, sound.camera(kCamera).info().streams[0].rate_hz);
+}
+
 TEST(Faults, RefusesCamerasThatAreNotThere) {
   EXPECT_THROW(Cell(cellWith(fault(FaultKind::kCameraTurnedAway, "side")), 1), std::invalid_argument);
   CellConfig config = test::defaultSimCell();

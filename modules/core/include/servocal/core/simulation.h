@@ -88,6 +88,9 @@ enum class FaultKind {
   kMountSlip,         ///< At `at_s` the board shifts by `translation_m` and turns on what holds it.
   kCameraBump,        ///< At `at_s` a camera is moved, by a shift and a rotation in its own axes.
   kCameraTurnedAway,  ///< A camera looks the other way from the start: it never sees the board.
+  kExposure,          ///< From `at_s` on a camera's grays are `gain` times as bright, each frame by another
+                      ///< factor within `flicker` of it.
+  kSlowFrames,        ///< From `at_s` on so many of a camera's frames are lost that `rate_hz` are left.
 };
 const char* toString(FaultKind kind);  ///< "inkjet_print", "depth_unit", "clock_offset", ...
 
@@ -99,6 +102,9 @@ struct SimulationFault {
   Eigen::Vector3d rotation_rad = Eigen::Vector3d::Zero();   ///< Rotation vector, about the body's own origin.
   double offset_s = 0.0;
   double unit_m = 0.001;
+  double gain = 1.0;
+  double flicker = 0.0;  ///< Share of gain.
+  double rate_hz = 0.0;
 };
 
 struct SimulationConfig {
