@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <stdexcept>
+#include <vector>
 
 #include "motion.h"
 #include "position_rules.h"
@@ -213,6 +214,25 @@ GuardVerdict Guard::judge(const Motion& wanted, std::optional<Instant> seen) {
     verdict.reason = std::move(reason);
   };
 
+  // The state is a little old, and the arm follows late: on its way to another motion it is off that one's path, no
+  // joint farther than by what leads off it of the motion before.
+  const MotionAt here(kinematics_.jacobian(state.q));
+  const double late_s = std::max(0.0, toSeconds(now - state.stamp)) +
+                        toSeconds(options_.look_ahead - options_.command_timeout);
+  std::vector<Eigen::VectorXd> before_radps;  // As told, and as it moves.
+  for (const Motion& motion : {*last_applied_, Motion{Motion::Kind::kTwist, stacked(state.twist)}})
+    if (!motion.isZero()) before_radps.push_back(here.joints(motion));
+  const auto reachOf = [&](const Motion& motion) {
+    const Eigen::VectorXd path_radps = here.joints(motion);
+    double off_radps = 0.0;
+    for (const Eigen::VectorXd& radps : before_radps) {
+      const double along = std::max(0.0, radps.dot(path_radps) / path_radps.squaredNorm());
+      const Eigen::VectorXd off = std::isfinite(along) ? Eigen::VectorXd(radps - along * path_radps) : radps;
+      off_radps = std::max(off_radps, off.cwiseAbs().maxCoeff());
+    }
+    return late_s * std::min(off_radps, limits_.max_joint_speed_radps);
+  };
+
   // The ramp starts from what the arm does: nothing, if the last command ran out.
   double dt = toSeconds(now - last_command_);
   if (!last_applied_->isZero() && now > expires_) {
@@ -226,12 +246,13 @@ GuardVerdict Guard::judge(const Motion& wanted, std::optional<Instant> seen) {
   const Motion last = *last_applied_;
 
   const Eigen::Matrix3d bRe = state.bMe.rotation();
-  const MotionAt here(kinematics_.jacobian(state.q));
   const auto speedUseOf = [&](const Motion& motion) {
     return speedUse(here.twist(motion), bRe, rules_->body(), limits_);
   };
   const auto jointUseOf = [&](const Motion& motion) {
-    return here.joints(motion).cwiseAbs().maxCoeff() / limits_.max_joint_speed_radps;
+    if (motion.isZero()) return 0.0;
+    return here.joints(motion).cwiseAbs().maxCoeff() * here.speedMargin(motion, reachOf(motion)) /
+           limits_.max_joint_speed_radps;
   };
   const auto use = [&](const Motion& motion) { return std::max(speedUseOf(motion), jointUseOf(motion)); };
 
@@ -279,7 +300,8 @@ GuardVerdict Guard::judge(const Motion& wanted, std::optional<Instant> seen) {
   std::optional<Objection> objection;
   for (const double part : {1.0, 0.9, 0.75, 0.5, 0.25, 0.1}) {
     const Motion candidate = between(part * share);
-    std::optional<Objection> found = rules_->along(state, candidate, toSeconds(options_.look_ahead));
+    std::optional<Objection> found =
+        rules_->along(state, candidate, toSeconds(options_.look_ahead), reachOf(candidate));
     if (!found) {
       applied = candidate;
       break;

@@ -34,6 +34,15 @@ class MotionAt {
   Eigen::VectorXd joints(const Motion& motion) const {
     return motion.kind == Motion::Kind::kJoints ? motion.velocity : jointSpeeds(jacobian_, twist(motion));
   }
+  double smallestSingularValue() const { return robot::smallestSingularValue(jacobian_); }
+  /// How many times faster the joints may have to turn for a twist where none is farther off than `reach_rad`:
+  /// as fast as the smallest singular value may be smaller there. Infinite if it may be none.
+  double speedMargin(const Motion& motion, double reach_rad) const {
+    if (motion.kind == Motion::Kind::kJoints || reach_rad == 0.0) return 1.0;
+    const double singularity = smallestSingularValue();
+    return singularity > reach_rad ? singularity / (singularity - reach_rad)
+                                   : std::numeric_limits<double>::infinity();
+  }
   /// Seconds of full braking that take the motion to rest while it keeps its direction. A joint alone
   /// accelerates no faster than it may turn the flange.
   double brakingTime(const Motion& motion, const MotionLimits& limits) const {

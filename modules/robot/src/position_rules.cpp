@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "position_rules.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -16,8 +15,9 @@ constexpr double kPathStepM = 0.008;   // Between looks along a path, for the fa
 constexpr double kPathStepRad = 0.03;  // and for the rotation.
 constexpr double kPathStepJointRad = 0.02;
 constexpr double kSingular = 0.02;     // Smallest singular value of the Jacobian (m and rad mixed).
-constexpr double kSingularShare = 0.25;  // Of that step where the singular value is that small, and in proportion
-constexpr double kLeastStep = 5e-4;      // below, down to this share.
+constexpr double kSingularShare = 0.25;  // Of the smallest singular value: a step that changes it by no more,
+constexpr double kLeastRoom = 0.05;      // times the share of the joint speed limit that is left, at least this.
+constexpr double kLeastStepJointRad = 1e-5;
 constexpr double kSlackM = 1e-9;
 constexpr double kSlackRad = 1e-9;
 
@@ -38,13 +38,6 @@ double depthInside(const Box& box, const Eigen::Vector3d& center, double radius)
 // How far a ball reaches out of the box, m; negative inside.
 double depthOutside(const Box& box, const Eigen::Vector3d& center, double radius) {
   return (box.min_m - center).cwiseMax(center - box.max_m).maxCoeff() + radius;
-}
-
-// Rooted from the square: exact enough at kSingular, and an order faster than a decomposition.
-double smallestSingularValue(const Eigen::MatrixXd& jacobian) {
-  const Eigen::Matrix<double, 6, 6> square = jacobian * jacobian.transpose();
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> solver(square, Eigen::EigenvaluesOnly);
-  return std::sqrt(std::max(0.0, solver.eigenvalues()[0]));
 }
 
 // The flange pose after following a constant twist (of the flange's origin, base axes) for `time`.
@@ -175,7 +168,8 @@ std::optional<Objection> PositionRules::boxObjection(const Depths& start, const 
   return std::nullopt;
 }
 
-std::optional<Objection> PositionRules::along(const RobotState& state, const Motion& motion, double hold_s) const {
+std::optional<Objection> PositionRules::along(const RobotState& state, const Motion& motion, double hold_s,
+                                              double reach_rad) const {
   if (motion.isZero()) return std::nullopt;
   const bool by_twist = motion.kind == Motion::Kind::kTwist;
   double lever = body_.radius_m;
@@ -206,19 +200,21 @@ std::optional<Objection> PositionRules::along(const RobotState& state, const Mot
     if (by_twist) {
       // No way through a singularity, however short: joints flip there between two looks.
       const double before_singularity = singularity;
-      singularity = smallestSingularValue(here.jacobian());
+      singularity = here.smallestSingularValue();
       if (singularity < kSingular && singularity < before_singularity * (1.0 - 1e-6) && from_s > 0.0)
         return Objection{GuardRule::kJoint, "The arm would come to a singular pose."};
     }
     Eigen::Index fastest_joint = 0;
     const double fastest_radps = speeds.cwiseAbs().maxCoeff(&fastest_joint);
-    if (left * fastest_radps > limits_.max_joint_speed_radps * (1.0 + 1e-6))
+    const double use = left * fastest_radps * here.speedMargin(motion, reach_rad) / limits_.max_joint_speed_radps;
+    if (use > 1.0 + 1e-6)
       return Objection{GuardRule::kJointSpeed, format("Joint %.0f would have to race, so near is a singular pose.",
                                                       static_cast<double>(fastest_joint + 1))};
-    // Joints by small steps along the Jacobian: near a singularity its change is what matters. A step must not
-    // lead across: on the other side it would look like the way out.
-    const double near_singular = std::clamp(kSingularShare * singularity / kSingular, kLeastStep, 1.0);
-    const double step_rad = kPathStepJointRad * (singularity < kSingular ? near_singular : 1.0);
+    // Joints by small steps along the Jacobian: near a singularity its change is what matters. No step may lead
+    // across, where it would look like the way out, nor past a place where a joint is too fast.
+    double step_rad = kPathStepJointRad;
+    if (by_twist)
+      step_rad = std::clamp(kSingularShare * singularity * std::max(1.0 - use, kLeastRoom), kLeastStepJointRad, step_rad);
     const double turning = twist.angular_radps.norm();
     const double fastest = twist.linear_mps.norm() + turning * lever;
     const double step_s = 1.0 / std::max({2.0 / length_s, fastest / kPathStepM, turning / kPathStepRad,

@@ -35,8 +35,10 @@ class PositionRules {
   /// With at least `room_m` between everything and what it must not enter.
   std::optional<Objection> at(const Pose<Base, EndEffector>& bMe, double room_m = 0.0) const;
   std::optional<Objection> at(const Eigen::VectorXd& q, double room_m = 0.0) const;
-  /// Follows the curve of `motion` held for `hold_s` seconds and then braked to rest.
-  std::optional<Objection> along(const RobotState& state, const Motion& motion, double hold_s) const;
+  /// Follows the curve of `motion` held for `hold_s` seconds and then braked to rest. No joint of the arm is
+  /// farther than `reach_rad` from where the state says.
+  std::optional<Objection> along(const RobotState& state, const Motion& motion, double hold_s,
+                                 double reach_rad) const;
 
  private:
   struct Depths;

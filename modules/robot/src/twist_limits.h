@@ -35,4 +35,7 @@ double brakingTime(const Twist<Base>& twist, const MotionLimits& limits);
 /// at a singularity.
 Eigen::VectorXd jointSpeeds(const Eigen::MatrixXd& jacobian, const Twist<Base>& twist);
 
+/// Of the Jacobian (m and rad mixed).
+double smallestSingularValue(const Eigen::MatrixXd& jacobian);
+
 }  // namespace servocal::robot

@@ -2,10 +2,14 @@
 // Random and adversarial commands against an arm that does whatever it is told: no limit is ever broken.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <iterator>
 #include <map>
 #include <memory>
 #include <random>
+#include <sstream>
 #include <string>
+#include <vector>
 
 #include "fake_arm.h"
 #include "servocal/robot/guard.h"
@@ -22,6 +26,9 @@ constexpr double kHuge = 1e9;
 #endif
 constexpr int kSequences = SERVOCAL_SEQUENCES;
 constexpr int kCommands = 100;  // Of a sequence.
+// Sequences beyond the few that once broke a limit: 1670 asks for a twist beside a singular pose that the arm has come
+// nearer to than its state, some milliseconds old, says.
+constexpr int kOnceBroke[] = {1670};
 
 MotionLimits cellLimits() {
   MotionLimits limits;
@@ -32,13 +39,21 @@ MotionLimits cellLimits() {
   return limits;
 }
 
-// Counts, by name, how often the true state breaks the true limits.
+// How often a limit was broken, and the worst time: how many times the limit (0: not a matter of degree), and where.
+struct Breach {
+  int count = 0;
+  double times = 0.0;
+  int sequence = 0;
+  Eigen::VectorXd q;
+};
+
+// Collects, by name, how often the true state breaks the true limits.
 class Violations {
  public:
   Violations(const Kinematics& kinematics, const MotionLimits& limits, const BoardSpec& board,
-             const Pose<EndEffector, Board>& eMo, double tolerance, double tolerance_m)
+             const Pose<EndEffector, Board>& eMo, double tolerance, double tolerance_m, int sequence = 0)
       : kinematics_(kinematics), limits_(limits), links_(ArmConfig{}, limits.keep_out, board), tolerance_(tolerance),
-        tolerance_m_(tolerance_m) {
+        tolerance_m_(tolerance_m), sequence_(sequence) {
     links_.setBoard(eMo);
     for (const Eigen::Vector3d& corner_o : board.outline()) corners_e_.push_back(eMo * corner_o);
     points_e_ = corners_e_;
@@ -47,24 +62,23 @@ class Violations {
   }
 
   void watch(const RobotState& state) {
-    const double allowed = 1.0 + tolerance_;
-    if (state.twist.linear_mps.norm() > limits_.max_speed_mps * allowed) ++count["flange speed"];
-    if (state.twist.angular_radps.norm() > limits_.max_angular_speed_radps * allowed) ++count["angular speed"];
+    q_ = state.q;
+    atMost("flange speed", state.twist.linear_mps.norm() / limits_.max_speed_mps, tolerance_);
+    atMost("angular speed", state.twist.angular_radps.norm() / limits_.max_angular_speed_radps, tolerance_);
     for (const Eigen::Vector3d& corner_e : corners_e_) {
       const Eigen::Vector3d lever = state.bMe.rotation() * corner_e;
-      if ((state.twist.linear_mps + state.twist.angular_radps.cross(lever)).norm() > limits_.max_speed_mps * allowed)
-        ++count["corner speed"];
+      atMost("corner speed",
+             (state.twist.linear_mps + state.twist.angular_radps.cross(lever)).norm() / limits_.max_speed_mps, tolerance_);
     }
     for (Eigen::Index joint = 0; joint < state.q.size(); ++joint)
       if (state.q[joint] < kinematics_.lower()[joint] + limits_.joint_margin_rad - 1e-4 ||
           state.q[joint] > kinematics_.upper()[joint] - limits_.joint_margin_rad + 1e-4)
-        ++count["joint limit"];
-    if (last_.q.size() && state.stamp > last_.stamp &&
-        (state.q - last_.q).cwiseAbs().maxCoeff() >
-            limits_.max_joint_speed_radps * (allowed + 0.01) * toSeconds(state.stamp - last_.stamp))
-      ++count["joint speed"];
+        note("joint limit");
+    if (last_.q.size() && state.stamp > last_.stamp)
+      atMost("joint speed", (state.q - last_.q).cwiseAbs().maxCoeff() / toSeconds(state.stamp - last_.stamp) /
+                                limits_.max_joint_speed_radps, tolerance_ + 0.01);
     for (const CollisionModel::Gap& gap : links_.gaps(state.q))
-      if (gap.distance_m < 0.0) ++count["links"];
+      if (gap.distance_m < 0.0) note("links");
     if (last_.q.size()) travelled_m += distanceM(last_.bMe, state.bMe);
     last_ = state;
     for (const Eigen::Vector3d& point_e : points_e_) {
@@ -72,10 +86,10 @@ class Violations {
       const Eigen::Array3d slack = Eigen::Array3d::Constant(tolerance_m_);
       if ((point.array() < limits_.workspace.min_m.array() - slack).any() ||
           (point.array() > limits_.workspace.max_m.array() + slack).any())
-        ++count["workspace"];
+        note("workspace");
       for (const Box& box : limits_.keep_out)
         if ((point.array() > box.min_m.array() + slack).all() && (point.array() < box.max_m.array() - slack).all())
-          ++count["keep-out"];
+          note("keep-out");
     }
   }
   void watchAcceleration(const FakeArm& arm) {
@@ -84,32 +98,53 @@ class Violations {
       // An emergency stop brakes harder, and after a pause the arm has braked by itself.
       const double dt = toSeconds(now.at - before.at);
       if (now.stop || before.stop || now.at > before.at + before.valid_for) continue;
-      if (now.joints.size() != before.joints.size() && !before.twist.isZero()) ++count["change of kind in motion"];
+      if (now.joints.size() != before.joints.size() && !before.twist.isZero()) note("change of kind in motion");
       if (now.joints.size() > 0 && before.joints.size() > 0) {
         const double from_rest_s = before.joints.isZero() ? std::min(dt, 0.008) : dt;
-        if ((now.joints - before.joints).cwiseAbs().maxCoeff() >
-            limits_.max_angular_acceleration_radps2 * from_rest_s * (1 + 1e-6) + 1e-12)
-          ++count["joint acceleration"];
+        atMost("joint acceleration", ((now.joints - before.joints).cwiseAbs().maxCoeff() - 1e-12) /
+                                         (limits_.max_angular_acceleration_radps2 * from_rest_s), 1e-6);
       }
       if (now.joints.size() > 0 || before.joints.size() > 0) continue;
-      if ((now.twist.linear_mps - before.twist.linear_mps).norm() > limits_.max_acceleration_mps2 * dt * (1 + 1e-6) + 1e-12 &&
-          !(before.twist.isZero() && now.twist.linear_mps.norm() <= limits_.max_acceleration_mps2 * 0.008 * (1 + 1e-6)))
-        ++count["acceleration"];
+      const double from_rest_s = before.twist.isZero() ? std::max(dt, 0.008) : dt;
+      atMost("acceleration", ((now.twist.linear_mps - before.twist.linear_mps).norm() - 1e-12) /
+                                 (limits_.max_acceleration_mps2 * from_rest_s), 1e-6);
+    }
+  }
+  void add(const Violations& other) {
+    travelled_m += other.travelled_m;
+    for (const auto& [name, breach] : other.breaches) {
+      Breach& mine = breaches[name];
+      const int count = mine.count + breach.count;
+      if (mine.count == 0 || breach.times > mine.times) mine = breach;
+      mine.count = count;
     }
   }
   std::string text() const {
-    std::string all;
-    for (const auto& [name, n] : count) all += name + ": " + std::to_string(n) + "; ";
-    return all;
+    std::ostringstream all;
+    for (const auto& [name, breach] : breaches)
+      all << name << ": " << breach.count << ", worst " << breach.times << " times the limit in sequence "
+          << breach.sequence << " at q = " << breach.q.transpose() << "; ";
+    return all.str();
   }
-  std::map<std::string, int> count;
+  std::map<std::string, Breach> breaches;
   double travelled_m = 0.0;
 
  private:
+  void note(const char* name, double times = 0.0) {
+    Breach& breach = breaches[name];
+    if (breach.count++ == 0 || times > breach.times)
+      breach = {breach.count, times, sequence_, q_};
+  }
+  void atMost(const char* name, double times, double tolerance) {
+    if (times > 1.0 + tolerance) note(name, times);
+  }
+
   const Kinematics& kinematics_;
   MotionLimits limits_;
   CollisionModel links_;
   double tolerance_, tolerance_m_;
+  int sequence_;
+  Eigen::VectorXd q_;
   std::vector<Eigen::Vector3d> corners_e_, points_e_;
   RobotState last_;
 };
@@ -167,8 +202,10 @@ Violations run(const MotionLimits& guarded, bool watch_links, int sequences, con
   cell.limits = cellLimits();
   const auto eMo = Pose<EndEffector, Board>::fromRotationVector({3.0, 0.1, -0.15}, {0.02, -0.03, 0.04});
   Violations violations(kinematics, cell.limits, cell.board, eMo, tolerance, tolerance_m);
-  Adversary adversary{std::mt19937_64(2024), {}, {}};
-  for (int sequence = 0; sequence < sequences; ++sequence) {
+  std::vector<int> all(std::begin(kOnceBroke), std::end(kOnceBroke));
+  for (int sequence = 0; sequence < sequences; ++sequence) all.push_back(sequence);
+  for (const int sequence : all) {
+    Adversary adversary{std::mt19937_64(2024 + static_cast<unsigned>(sequence)), {}, {}};
     SimulatedClock clock;
     Eigen::VectorXd q(6);
     std::unique_ptr<FakeArm> arm = std::make_unique<FakeArm>(kinematics, clock, Eigen::VectorXd::Zero(6), fake);
@@ -179,7 +216,7 @@ Violations run(const MotionLimits& guarded, bool watch_links, int sequences, con
       if (adversary.uniform(0, 1) < 0.2) q[5] = adversary.uniform(5.9, 6.2);
     } while (!probe.allows(q));
     FakeArm moved(kinematics, clock, q, fake);
-    Violations spell(kinematics, cell.limits, cell.board, eMo, tolerance, tolerance_m);
+    Violations spell(kinematics, cell.limits, cell.board, eMo, tolerance, tolerance_m, sequence);
     moved.on_step = [&](const RobotState& state) { spell.watch(state); };
     std::unique_ptr<Guard> guard;
     if (watch_links) {
@@ -201,15 +238,14 @@ Violations run(const MotionLimits& guarded, bool watch_links, int sequences, con
       moved.state();
     }
     spell.watchAcceleration(moved);
-    violations.travelled_m += spell.travelled_m;
-    for (const auto& [name, n] : spell.count) violations.count[name] += n;
+    violations.add(spell);
   }
   return violations;
 }
 
 TEST(GuardProperty, NoCommandBreaksAnyLimitOfAnIdealArm) {
   const Violations found = run(cellLimits(), true, kSequences, {}, 1e-6, 1e-9);
-  EXPECT_TRUE(found.count.empty()) << found.text();
+  EXPECT_TRUE(found.breaches.empty()) << found.text();
   EXPECT_GT(found.travelled_m, 5.0);  // It was not for standing still.
 }
 
@@ -218,7 +254,7 @@ TEST(GuardProperty, NoCommandBreaksALimitOfALaggingArm) {
   FakeArmOptions lagging;
   lagging.lag_s = 0.03;
   const Violations found = run(cellLimits(), true, kSequences / 3, lagging, 0.03, 0.001);
-  EXPECT_TRUE(found.count.empty()) << found.text();
+  EXPECT_TRUE(found.breaches.empty()) << found.text();
 }
 
 // Negative control: the same commands break every limit when nothing guards it.
@@ -231,7 +267,7 @@ TEST(GuardProperty, TheSameCommandsBreakEveryLimitUnguarded) {
   const Violations found = run(open, false, 100, {}, 1e-6, 1e-9);
   for (const char* name : {"flange speed", "angular speed", "corner speed", "joint limit", "joint speed", "workspace",
                            "keep-out", "acceleration", "joint acceleration", "links"})
-    EXPECT_GT(found.count.count(name) ? found.count.at(name) : 0, 0) << name;
+    EXPECT_EQ(found.breaches.count(name), 1u) << name;
 }
 
 }  // namespace
