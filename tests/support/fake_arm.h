@@ -17,7 +17,7 @@
 namespace servocal::test {
 
 struct FakeArmOptions {
-  double lag_s = 0.0;  ///< Time constant of the first-order response to a command; 0: immediate.
+  double lag_s = 0.0;  ///< Time constant of the joints' first-order response to a command; 0: immediate.
   double braking_mps2 = 1.2;     ///< Of the arm's own braking, when commands cease
   double braking_radps2 = 2.4;
   double stop_factor = 5.0;      ///< and how much harder it brakes when told to stop.
@@ -112,9 +112,11 @@ class FakeArm final : public robot::Arm {
     return kinematics_.jacobian(q).completeOrthogonalDecomposition().solve(stacked);
   }
 
+  bool late() const { return options_.lag_s > 0.0; }
+
   // What moves goes on as the other kind of motion.
   void take(Kind kind, Duration valid_for) {
-    if (kind != kind_ && kind == Kind::kJoints) speeds_ = speedsOf(twist_, q_);
+    if (kind != kind_ && kind == Kind::kJoints && !late()) speeds_ = speedsOf(twist_, q_);
     kind_ = kind;
     expires_ = clock_.now() + valid_for;
     stopping_ = false;
@@ -149,18 +151,18 @@ class FakeArm final : public robot::Arm {
       Instant next = std::min(now, time_ + fromSeconds(options_.step_s));
       if (!stopping_ && time_ < expires_) next = std::min(next, expires_);
       const double dt = toSeconds(next - time_);
-      const double left = options_.lag_s > 0.0 ? std::exp(-dt / options_.lag_s) : 0.0;
+      const double left = late() ? std::exp(-dt / options_.lag_s) : 0.0;
       if (stopping_) {
         brake(dt, options_.stop_factor);
       } else if (time_ >= expires_) {
         brake(dt, 1.0);
-      } else if (kind_ == Kind::kJoints) {
-        speeds_ = joint_goal_ + left * (speeds_ - joint_goal_);
+      } else if (kind_ == Kind::kJoints || late()) {
+        const Eigen::VectorXd wanted = kind_ == Kind::kJoints ? joint_goal_ : speedsOf(goal_, q_);
+        speeds_ = wanted + left * (speeds_ - wanted);
       } else {
-        twist_.linear_mps = goal_.linear_mps + left * (twist_.linear_mps - goal_.linear_mps);
-        twist_.angular_radps = goal_.angular_radps + left * (twist_.angular_radps - goal_.angular_radps);
+        twist_ = goal_;
       }
-      if (kind_ == Kind::kJoints) {
+      if (kind_ == Kind::kJoints || late()) {
         q_ += dt * speeds_;
         twist_ = twistOf(speeds_);
       } else if (!twist_.isZero()) {
