@@ -37,10 +37,10 @@ struct Known {
   double projection_px = 0.0, point_m = 0.0;
 };
 
-/// The default cell, and what is true of it.
+/// A cell, and what is true of it.
 struct Scene {
-  Scene(std::uint64_t seed, int cameras, bool infrared, double robot_m)
-      : noise{kCornerPx, robot_m, 2.5 * robot_m} {
+  Scene(const CellConfig& drawn, std::uint64_t seed, int cameras, bool infrared, double robot_m)
+      : cell(drawn), noise{kCornerPx, robot_m, 2.5 * robot_m} {
     sim::Cell simulation(cell, seed);
     const sim::Truth known(simulation);
     truth.board = cell.board;
@@ -105,7 +105,7 @@ struct Scene {
             Pose<EndEffector, Board>(at.board_pose), Mount::kFixed};
   }
 
-  CellConfig cell = defaultCell();
+  CellConfig cell;
   test::Noise noise;
   test::Cell truth;
   SimulatedClock clock;
@@ -140,11 +140,12 @@ std::vector<Eigen::Vector2d> pixelsOf(const plan::Belief& belief, const BoardSpe
 struct ByInformation {
   std::vector<coverage::Coverage> floors;
   std::vector<plan::Viewer> viewers;
-  int draw = 0, views = 4;
+  plan::InformativeOptions options;
   double cpu_ms = 0.0;
   int plans = 0;
 
-  explicit ByInformation(const Scene& scene) {
+  ByInformation(const Scene& scene, const plan::InformativeOptions& wanted) : options(wanted) {
+    options.near_m = scene.cell.coverage.near_distance_m;
     for (std::size_t i = 0; i < scene.at.cameras.size(); ++i)
       floors.push_back(floorOf(scene, scene.at.cameras[i].model));
     for (std::size_t i = 0; i < scene.at.cameras.size(); ++i) {
@@ -162,28 +163,21 @@ struct ByInformation {
   }
 
   std::vector<Pose<Base, EndEffector>> operator()(Scene& scene, const Eigen::VectorXd& q) {
-    plan::InformativeOptions options;
-    options.draw = draw++;
-    options.views = views;
-    options.near_m = scene.cell.coverage.near_distance_m;
-    options.far_m = 1.5 * kRangeM;
+    options.draw = plans;
     const double before_ms = cpuMs();
     const calib::Forecast forecast(scene.cell.board, scene.at,
                                    {scene.cell.limits.workspace, kRangeM, kGoalPx, kGoalM});
-    const auto next = plan::informativeViews(forecast, viewers, scene.cell.board, scene.guard, q, options);
+    const auto next = plan::informativeView(forecast, viewers, scene.cell.board, scene.guard, q, options);
     cpu_ms += cpuMs() - before_ms;
     ++plans;
-    std::vector<Pose<Base, EndEffector>> stops;
-    for (const plan::InformativeView& view : next) {
-      stops.push_back(view.bMe);
-      viewers[view.viewer].tried.push_back(view.cdMo);
-      for (const calib::PlannedStop::Look& look : view.stop.looks) {
-        const plan::Belief& belief = viewers[look.camera].belief;
-        const Pose<Color, Board> cMo = belief.bMc.inverse() * view.bMe * belief.eMo;
-        floors[look.camera].add(pixelsOf(belief, scene.cell.board, cMo), cMo);
-      }
+    if (!next) return {};
+    viewers[next->viewer].tried.push_back(next->cdMo);
+    for (const calib::PlannedStop::Look& look : next->stop.looks) {
+      const plan::Belief& belief = viewers[look.camera].belief;
+      const Pose<Color, Board> cMo = belief.bMc.inverse() * next->bMe * belief.eMo;
+      floors[look.camera].add(pixelsOf(belief, scene.cell.board, cMo), cMo);
     }
-    return stops;
+    return {next->bMe};
   }
 };
 
@@ -312,19 +306,32 @@ int main(int argc, char** argv) {
   CLI::App cli("Views to an accuracy, by planner");
   int seeds = 3, cameras = 1, most_views = kMostViews;
   double robot_mm = 0.1;
+  std::string cell_file;
+  std::vector<std::string> planners = {"information", "coverage", "random"};
+  plan::InformativeOptions options;
+  options.far_m = 1.5 * kRangeM;
+  double tilt_deg = 45.0, roll_deg = 45.0;
   bool infrared = false;
-  int ahead = 4;
   cli.add_option("--seeds", seeds, "Cells drawn")->capture_default_str();
-  cli.add_option("--cameras", cameras, "The first of the default cell's three")
+  cli.add_option("--planners", planners, "Which of them")->check(CLI::IsMember(planners))->delimiter(',');
+  cli.add_option("--cell", cell_file, "Another cell than the default one");
+  cli.add_option("--cameras", cameras, "The first of the cell's")
       ->check(CLI::Range(1, 3))
       ->capture_default_str();
   cli.add_flag("--infrared", infrared, "Their infrared streams too");
   cli.add_option("--robot-mm", robot_mm, "Noise of the arm per axis and stop")->capture_default_str();
   cli.add_option("--views", most_views, "At most")->capture_default_str();
-  cli.add_option("--ahead", ahead, "Views in a plan by information; 1: one planning step")
-      ->check(CLI::Range(1, 6))
+  cli.add_option("--candidates", options.candidates, "By information: board poses drawn at each step")
+      ->capture_default_str();
+  cli.add_option("--far", options.far_m, "They are at most so far away, m")->capture_default_str();
+  cli.add_option("--tilt", tilt_deg, "and lean so far, degrees")->capture_default_str();
+  cli.add_option("--roll", roll_deg, "and are turned so far about the optical axis")->capture_default_str();
+  cli.add_option("--stop-time", options.stop_time_s, "A stop takes so long; much more than the way: fewest views count, s")
       ->capture_default_str();
   CLI11_PARSE(cli, argc, argv);
+  options.max_tilt_rad = tilt_deg * M_PI / 180.0;
+  options.max_roll_rad = roll_deg * M_PI / 180.0;
+  const CellConfig cell = cell_file.empty() ? defaultCell() : loadCell(cell_file);
 
   std::printf(
       "%d camera(s)%s, robot %.2f mm; worst projection over the image px / worst point of the workspace mm\n",
@@ -332,10 +339,9 @@ int main(int argc, char** argv) {
   std::printf("%4s %-12s %8s %8s %8s | after 5, 10, 15, 20, 30, 40, 60, 80 views\n", "seed", "planner",
               "0.5&0.5", "0.35px", "travel_s");
   for (int seed = 1; seed <= seeds; ++seed) {
-    for (const std::string planner : {"information", "coverage", "random"}) {
-      Scene scene(static_cast<std::uint64_t>(seed), cameras, infrared, 1e-3 * robot_mm);
-      ByInformation information(scene);
-      information.views = ahead;
+    for (const std::string& planner : planners) {
+      Scene scene(cell, static_cast<std::uint64_t>(seed), cameras, infrared, 1e-3 * robot_mm);
+      ByInformation information(scene, options);
       ByCoverage coverage;
       AtRandom random{std::mt19937_64(static_cast<std::uint64_t>(seed))};
       Chooser choose = std::ref(information);
@@ -351,8 +357,7 @@ int main(int argc, char** argv) {
           std::printf(" %.2f/%.2f", course.after[n].projection_px, 1e3 * course.after[n].point_m);
       }
       if (information.plans > 0) {
-        std::printf("  (%.0f ms CPU per plan of %d views)", information.cpu_ms / information.plans,
-                    information.views);
+        std::printf("  (%.0f ms CPU per planning step)", information.cpu_ms / information.plans);
       }
       std::printf("\n");
       std::fflush(stdout);

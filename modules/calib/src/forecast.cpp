@@ -205,8 +205,8 @@ void Forecast::setAims() {
   }
 }
 
-std::vector<Forecast::Prepared> Forecast::rowsOf(const std::vector<PlannedStop>& planned,
-                                                 const std::vector<int>& corner_ids) const {
+std::vector<Forecast::Rows> Forecast::rowsOf(const std::vector<PlannedStop>& planned,
+                                             const std::vector<int>& corner_ids) const {
   BoardDetection detection;
   for (const int id : corner_ids) {
     detection.corners.push_back({id, Eigen::Vector2d::Zero(), Eigen::Matrix2d::Identity()});
@@ -230,7 +230,7 @@ std::vector<Forecast::Prepared> Forecast::rowsOf(const std::vector<PlannedStop>&
   Vector6d robot;
   robot << Eigen::Vector3d::Constant(std::pow(solution_.robot.sigma_m, 2)),
       Eigen::Vector3d::Constant(std::pow(solution_.robot.sigma_rad, 2));
-  std::vector<Prepared> out;
+  std::vector<Rows> out;
   for (std::size_t i = 0; i < planned.size(); ++i) {
     Rows seen_at;
     const auto most = static_cast<Eigen::Index>(planned[i].looks.size()) * rows;
@@ -258,22 +258,18 @@ std::vector<Forecast::Prepared> Forecast::rowsOf(const std::vector<PlannedStop>&
     by_stop.conservativeResize(at, 6);
     seen_at.noise = by_stop * robot.asDiagonal() * by_stop.transpose();
     seen_at.noise.diagonal().array() += 1.0;
-    out.push_back(std::make_shared<const Rows>(std::move(seen_at)));
+    out.push_back(std::move(seen_at));
   }
   return out;
 }
 
-std::vector<Forecast::Prepared> Forecast::prepare(const std::vector<PlannedStop>& stops) const {
-  return rowsOf(stops, representatives(board_));
-}
-
-std::vector<double> Forecast::gains(const std::vector<Prepared>& stops) const {
+std::vector<double> Forecast::gains(const std::vector<PlannedStop>& stops) const {
   std::vector<double> gains;
-  for (const Prepared& rows : stops) {
+  for (const Rows& rows : rowsOf(stops, representatives(board_))) {
     gains.push_back(0.0);
-    if (rows->looks.empty()) continue;
-    const Eigen::LLT<Eigen::MatrixXd> spread(rows->spread(solution_.covariance, solution_.board_at));
-    Eigen::MatrixXd taken = rows->times(aims_by_shared_, solution_.board_at);
+    if (rows.looks.empty()) continue;
+    const Eigen::LLT<Eigen::MatrixXd> spread(rows.spread(solution_.covariance, solution_.board_at));
+    Eigen::MatrixXd taken = rows.times(aims_by_shared_, solution_.board_at);
     spread.matrixL().solveInPlace(taken);
     Eigen::Index at = 0;
     for (const Aim& aim : aims_) {
@@ -288,10 +284,10 @@ std::vector<double> Forecast::gains(const std::vector<Prepared>& stops) const {
 void Forecast::add(const PlannedStop& stop) {
   std::vector<int> all(board_.corners().size());
   std::iota(all.begin(), all.end(), 0);
-  const Prepared rows = rowsOf({stop}, all).front();
-  if (rows->looks.empty()) return;
-  const Eigen::LLT<Eigen::MatrixXd> spread(rows->spread(solution_.covariance, solution_.board_at));
-  Eigen::MatrixXd taken = rows->times(solution_.covariance, solution_.board_at);
+  const Rows rows = rowsOf({stop}, all).front();
+  if (rows.looks.empty()) return;
+  const Eigen::LLT<Eigen::MatrixXd> spread(rows.spread(solution_.covariance, solution_.board_at));
+  Eigen::MatrixXd taken = rows.times(solution_.covariance, solution_.board_at);
   spread.matrixL().solveInPlace(taken);
   solution_.covariance -= taken.transpose() * taken;
   setAims();

@@ -4,7 +4,8 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <numeric>
+#include <functional>
+#include <utility>
 
 #include "servocal/core/mount.h"
 #include "way.h"
@@ -12,17 +13,13 @@
 namespace servocal::plan {
 namespace {
 
-constexpr std::size_t kShortlist = 120;  // candidates that are weighed again after each choice
-constexpr double kServoShare = 1.3;      // a servo converges; a straight motion at the limits would not
-constexpr int kDrawsPerCandidate = 4;    // at most
-constexpr int kPushes = 5;               // of a drawn pose into the image
+constexpr double kServoShare = 1.3;    // a servo converges; a straight motion at the limits would not
+constexpr int kDrawsPerCandidate = 4;  // at most
+constexpr int kPushes = 5;             // of a drawn pose into the image
 
 struct Candidate {
   InformativeView view;
-  calib::Forecast::Prepared prepared;
   double floor = 0.0;  // what the floors lack and it brings
-  double gain = 0.0;
-  Eigen::VectorXd q;  // The arm there, once it is taken.
 };
 
 /// Element `index` of the van der Corput sequence in this base: 0 to 1.
@@ -160,111 +157,42 @@ std::vector<Candidate> draw(const std::vector<Viewer>& viewers, const BoardSpec&
   return candidates;
 }
 
-void prepare(const calib::Forecast& forecast, std::vector<Candidate>& candidates) {
+/// What each is worth: what it tells, and what it brings of the floors.
+std::vector<double> worthOf(const std::vector<Candidate>& candidates, const calib::Forecast& forecast,
+                            double floor_worth) {
   std::vector<calib::PlannedStop> stops;
   for (const Candidate& candidate : candidates) stops.push_back(candidate.view.stop);
-  const std::vector<calib::Forecast::Prepared> prepared = forecast.prepare(stops);
-  for (std::size_t i = 0; i < prepared.size(); ++i) candidates[i].prepared = prepared[i];
-}
-
-void weigh(const calib::Forecast& forecast, std::vector<Candidate>& candidates) {
-  std::vector<calib::Forecast::Prepared> stops;
-  for (const Candidate& candidate : candidates) stops.push_back(candidate.prepared);
-  const std::vector<double> gains = forecast.gains(stops);
-  for (std::size_t i = 0; i < gains.size(); ++i) candidates[i].gain = gains[i];
-}
-
-/// The best that the arm reaches, taken out of the candidates, those out of reach too.
-std::optional<Candidate> takeBest(std::vector<Candidate>& candidates, const robot::Guard& guard,
-                                  const Eigen::VectorXd& from_q, const InformativeOptions& options) {
-  const auto bMe_from = guard.kinematics().forward(from_q);
-  const auto utility = [&](const Candidate& candidate) {
-    return (candidate.gain + options.floor_worth * candidate.floor) /
-           (options.stop_time_s + kServoShare * travelTimeS(bMe_from, candidate.view.bMe, guard.limits()));
-  };
-  std::vector<double> utilities;
-  for (const Candidate& candidate : candidates) utilities.push_back(utility(candidate));
-  while (!candidates.empty()) {
-    const auto at = std::max_element(utilities.begin(), utilities.end()) - utilities.begin();
-    const auto best = candidates.begin() + at;
-    Candidate taken = std::move(*best);
-    *best = std::move(candidates.back());
-    candidates.pop_back();
-    utilities[static_cast<std::size_t>(at)] = utilities.back();
-    utilities.pop_back();
-    if (!guard.allows(taken.view.bMe)) continue;  // Known sooner than that no joint angles lead there.
-    const auto q = guard.kinematics().inverse(taken.view.bMe, from_q, guard.limits().joint_margin_rad);
-    if (!q || !guard.allows(*q)) continue;
-    taken.q = *q;
-    return taken;
-  }
-  return std::nullopt;
-}
-
-/// In the order in which the arm travels least. The views are few.
-std::vector<InformativeView> shortestTour(const std::vector<InformativeView>& views,
-                                          const robot::Guard& guard, Eigen::VectorXd from_q,
-                                          double min_singular_value) {
-  const auto bMe_from = guard.kinematics().forward(from_q);
-  std::vector<std::size_t> order(views.size());
-  std::iota(order.begin(), order.end(), 0);
-  std::vector<std::size_t> best = order;
-  double least_s = INFINITY;
-  do {
-    double time_s = 0.0;
-    Pose<Base, EndEffector> bMe = bMe_from;
-    for (const std::size_t i : order) {
-      time_s += travelTimeS(bMe, views[i].bMe, guard.limits());
-      bMe = views[i].bMe;
-    }
-    if (time_s < least_s) {
-      least_s = time_s;
-      best = order;
-    }
-  } while (std::next_permutation(order.begin(), order.end()));
-  std::vector<InformativeView> tour;
-  for (const std::size_t i : best) {
-    tour.push_back(views[i]);
-    tour.back().straight = straightWayFree(guard, from_q, views[i].bMe, min_singular_value);
-    from_q =
-        guard.kinematics().inverse(views[i].bMe, from_q, guard.limits().joint_margin_rad).value_or(from_q);
-  }
-  return tour;
+  std::vector<double> worth = forecast.gains(stops);
+  for (std::size_t i = 0; i < worth.size(); ++i) worth[i] += floor_worth * candidates[i].floor;
+  return worth;
 }
 
 }  // namespace
 
-std::vector<InformativeView> informativeViews(const calib::Forecast& forecast,
-                                              const std::vector<Viewer>& viewers, const BoardSpec& board,
-                                              const robot::Guard& guard, const Eigen::VectorXd& current_q,
-                                              const InformativeOptions& options) {
-  if (viewers.empty()) return {};
+std::optional<InformativeView> informativeView(const calib::Forecast& forecast, const std::vector<Viewer>& viewers,
+                                               const BoardSpec& board, const robot::Guard& guard,
+                                               const Eigen::VectorXd& current_q, const InformativeOptions& options) {
+  if (viewers.empty()) return std::nullopt;
   std::vector<Candidate> candidates = draw(viewers, board, options);
-  calib::Forecast ahead = forecast;
-  prepare(ahead, candidates);
-  weigh(ahead, candidates);
-  const auto worth = [&](const Candidate& candidate) {
-    return candidate.gain + options.floor_worth * candidate.floor;
-  };
-  std::vector<InformativeView> views;
-  Eigen::VectorXd from_q = current_q;
-  while (static_cast<int>(views.size()) < options.views) {
-    auto best = takeBest(candidates, guard, from_q, options);
-    if (!best) break;
-    from_q = best->q;
-    best->view.gain = best->gain;
-    views.push_back(std::move(best->view));
-    if (static_cast<int>(views.size()) == options.views) break;
-    ahead.add(views.back().stop);
-    // What was worth little before is worth little now.
-    const std::size_t kept = std::min(kShortlist, candidates.size());
-    std::partial_sort(candidates.begin(), candidates.begin() + static_cast<std::ptrdiff_t>(kept),
-                      candidates.end(),
-                      [&](const Candidate& a, const Candidate& b) { return worth(a) > worth(b); });
-    candidates.resize(kept);
-    weigh(ahead, candidates);
+  const std::vector<double> worth = worthOf(candidates, forecast, options.floor_worth);
+  const auto bMe_from = guard.kinematics().forward(current_q);
+  std::vector<std::pair<double, std::size_t>> by_utility;
+  for (std::size_t i = 0; i < candidates.size(); ++i) {
+    if (worth[i] < options.least_worth) continue;
+    const double time_s = options.stop_time_s +
+                          kServoShare * travelTimeS(bMe_from, candidates[i].view.bMe, guard.limits());
+    by_utility.emplace_back(worth[i] / time_s, i);
   }
-  return shortestTour(views, guard, current_q, options.min_singular_value);
+  std::sort(by_utility.begin(), by_utility.end(), std::greater<>());
+  for (const auto& [utility, i] : by_utility) {
+    InformativeView& view = candidates[i].view;
+    if (!guard.allows(view.bMe)) continue;  // Known sooner than that no joint angles lead there.
+    const auto q = guard.kinematics().inverse(view.bMe, current_q, guard.limits().joint_margin_rad);
+    if (!q || !guard.allows(*q)) continue;
+    view.straight = straightWayFree(guard, current_q, view.bMe, options.min_singular_value);
+    return std::move(view);
+  }
+  return std::nullopt;
 }
 
 }  // namespace servocal::plan

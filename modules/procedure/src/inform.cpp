@@ -15,7 +15,8 @@ namespace servocal::procedure {
 namespace {
 
 constexpr const char* kStage = "inform";
-constexpr double kLeastGain = 0.1;  // of a stop: a twentieth off one standard deviation still too large
+constexpr double kLeastWorth = 0.1;  // of a stop: a twentieth off one standard deviation still too large
+constexpr int kDraws = 4;            // of candidates, without one of that worth, before there is none.
 constexpr double kFarRatio = 1.5;              // far limit of the distances over the far views' least one
 constexpr double kPlanMarginOfHeight = 0.012;  // A little more than the drive keeps.
 
@@ -152,9 +153,9 @@ void fillFloors(Run& run) {
   }
 }
 
-/// The next views; none if none brings a goal much nearer.
-std::vector<plan::InformativeView> nextViews(Run& run, const Estimate& estimated,
-                                             const std::vector<plan::Viewer>& looking, int draw) {
+/// The next view; none if none brings a goal much nearer.
+std::optional<plan::InformativeView> nextView(Run& run, const Estimate& estimated,
+                                             const std::vector<plan::Viewer>& looking, int& draws) {
   // Stops are forecast for an arm as it reports; the goals move by what that makes seem better than it is.
   const CellConfig& cell = run.cell();
   const std::vector<Known> seeming = known(estimated.plain, cell);
@@ -168,13 +169,14 @@ std::vector<plan::InformativeView> nextViews(Run& run, const Estimate& estimated
   plan::InformativeOptions options;
   options.near_m = cell.coverage.near_distance_m;
   options.far_m = kFarRatio * workingRangeM(cell);
-  options.draw = draw;
-  auto views =
-      plan::informativeViews(forecast, looking, cell.board, run.guard(), run.guard().state().q, options);
-  double gain = 0.0;
-  for (const plan::InformativeView& view : views) gain += view.gain;
-  if (gain < kLeastGain * static_cast<double>(views.size())) views.clear();
-  return views;
+  options.least_worth = kLeastWorth;
+  for (int i = 0; i < kDraws; ++i) {
+    options.draw = draws++;
+    auto view =
+        plan::informativeView(forecast, looking, cell.board, run.guard(), run.guard().state().q, options);
+    if (view) return view;
+  }
+  return std::nullopt;
 }
 
 }  // namespace
@@ -186,7 +188,7 @@ std::optional<std::string> inform(Run& run) {
                                      [](const auto& observation) { return observation.stage == kStage; }));
   std::vector<std::vector<Pose<Color, Board>>> tried;  // by stream of the estimate
   std::optional<std::string> ended;
-  for (int draw = 0; !ended; ++draw) {
+  for (int draws = 0; !ended;) {
     const std::optional<Estimate> estimated = estimate(run);
     if (!estimated) {
       ended = "the views do not determine a joint estimate by which to plan more";
@@ -206,15 +208,16 @@ std::optional<std::string> inform(Run& run) {
     if (ended) break;
 
     const std::vector<plan::Viewer> looking = viewers(run, estimated->plain, now, tried);
-    const std::vector<plan::InformativeView> views = nextViews(run, *estimated, looking, draw);
-    if (views.empty()) ended = "no view tells much more";
-    for (const plan::InformativeView& view : views) {
-      const std::size_t stream = looking[view.viewer].camera;
-      Eye& eye = *run.find(streams[stream].camera, streams[stream].stream);
-      tried[stream].push_back(view.cdMo);
-      stops += drive(run, eye, view);
-      run.report(kStage, eye, stops, goals.max_views);
+    const auto view = nextView(run, *estimated, looking, draws);
+    if (!view) {
+      ended = "no view tells much more";
+      break;
     }
+    const std::size_t stream = looking[view->viewer].camera;
+    Eye& eye = *run.find(streams[stream].camera, streams[stream].stream);
+    tried[stream].push_back(view->cdMo);
+    stops += drive(run, eye, *view);
+    run.report(kStage, eye, stops, goals.max_views);
   }
   fillFloors(run);
   return ended;

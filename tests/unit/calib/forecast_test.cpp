@@ -119,21 +119,6 @@ TEST(Forecast, GainRanksStopsAsTheMapsDo) {
   EXPECT_GT(agreeing, 0.85 * pairs);
 }
 
-// What is kept of a stop is what does not change: weighed with it, the next choice is that of weighing all anew.
-TEST(Forecast, WeighsPreparedStopsAsAnew) {
-  const ForecastScene scene;
-  std::vector<PlannedStop> stops;
-  for (const Observation& observation : scene.to_come) stops.push_back(scene.planned(observation));
-  Forecast forecast(scene.cell.board, scene.at, {kWorkspace, 0.6});
-  const auto prepared = forecast.prepare(stops);
-  for (int choice = 0; choice < 3; ++choice) {
-    const std::vector<double> kept = forecast.gains(prepared), anew = forecast.gains(stops);
-    EXPECT_EQ(kept, anew);
-    forecast.add(stops[static_cast<std::size_t>(std::max_element(kept.begin(), kept.end()) - kept.begin())]);
-    EXPECT_NE(forecast.gains(prepared), kept);
-  }
-}
-
 TEST(Forecast, ALookThatIsNotLikelyTellsLess) {
   const ForecastScene scene;
   const Forecast forecast(scene.cell.board, scene.at, {kWorkspace, 0.6});

@@ -57,9 +57,17 @@ struct InformScene {
     }
   }
 
-  std::vector<InformativeView> views() const {
+  std::optional<InformativeView> next(const calib::Forecast& forecast) const {
+    return informativeView(forecast, viewers, cell.board, guard, cell.arm.start_q, options);
+  }
+  /// One of each of four draws.
+  std::vector<InformativeView> views() {
     const calib::Forecast forecast(cell.board, solution, {cell.limits.workspace, kRangeM});
-    return informativeViews(forecast, viewers, cell.board, guard, cell.arm.start_q, options);
+    std::vector<InformativeView> views;
+    for (options.draw = 0; options.draw < 4; ++options.draw) {
+      if (auto view = next(forecast)) views.push_back(*std::move(view));
+    }
+    return views;
   }
   /// All of the board in one of the images, with the margin.
   bool isWhole(const Pose<Base, EndEffector>& bMe) const {
@@ -96,9 +104,9 @@ struct InformScene {
 };
 
 TEST(InformativeViews, AreWholeInTheImageReachableAndWhereTheySay) {
-  const InformScene scene;
+  InformScene scene;
   const auto views = scene.views();
-  ASSERT_EQ(static_cast<int>(views.size()), scene.options.views);
+  ASSERT_EQ(views.size(), 4u);
   for (const InformativeView& view : views) {
     const Viewer& viewer = scene.viewers[view.viewer];
     for (const Eigen::Vector3d& point : scene.cell.board.patternOutline()) {
@@ -118,10 +126,8 @@ TEST(InformativeViews, AreWholeInTheImageReachableAndWhereTheySay) {
 TEST(InformativeViews, TellMoreThanViewsByChance) {
   InformScene scene;
   calib::Forecast chosen(scene.cell.board, scene.solution, {scene.cell.limits.workspace, kRangeM});
-  for (scene.options.draw = 0; scene.options.draw < 5; ++scene.options.draw) {
-    const auto views = informativeViews(chosen, scene.viewers, scene.cell.board, scene.guard,
-                                        scene.cell.arm.start_q, scene.options);
-    for (const InformativeView& view : views) chosen.add(view.stop);
+  for (scene.options.draw = 0; scene.options.draw < 20; ++scene.options.draw) {
+    chosen.add(scene.next(chosen).value().stop);
   }
   calib::Forecast by_chance(scene.cell.board, scene.solution, {scene.cell.limits.workspace, kRangeM});
   int taken = 0;
@@ -163,6 +169,18 @@ TEST(InformativeViews, DoNotRepeatWhatWasTriedNorWhatIsNotDetected) {
     const Eigen::Vector3d sight = view.cdMo.translation().normalized();
     EXPECT_LT(std::acos(view.cdMo.rotation().col(2).dot(sight)), 30 * M_PI / 180);
   }
+}
+
+// However near it is.
+TEST(InformativeViews, AreWorthAtLeastWhatIsAskedFor) {
+  InformScene scene;
+  const calib::Forecast forecast(scene.cell.board, scene.solution, {scene.cell.limits.workspace, kRangeM});
+  const auto gain = [&] { return forecast.gains({scene.next(forecast).value().stop}).front(); };
+  const double usual = gain();
+  scene.options.least_worth = 1.01 * usual;
+  EXPECT_GE(gain(), 1.01 * usual);
+  scene.options.least_worth = 100.0;
+  EXPECT_FALSE(scene.next(forecast));
 }
 
 // What a floor lacks is chosen before what tells more, if it is worth enough.

@@ -3,7 +3,6 @@
 
 #include <Eigen/Core>
 #include <cstddef>
-#include <memory>
 #include <vector>
 
 #include "servocal/calib/joint.h"
@@ -54,16 +53,8 @@ class Forecast {
   ///   it: how they act at a stop that has not been made depends on joint angles that nobody knows yet.
   Forecast(const BoardSpec& board, const JointSolution& solution, const ForecastOptions& options);
 
-  /// What of a stop does not change while others are added: to weigh it again costs much less than the first
-  /// time. For this forecast and its copies.
-  struct Rows;
-  using Prepared = std::shared_ptr<const Rows>;
-  [[nodiscard]] std::vector<Prepared> prepare(const std::vector<PlannedStop>& stops) const;
   /// Of each stop, on its own. A look at which a corner would not project counts as none.
-  [[nodiscard]] std::vector<double> gains(const std::vector<Prepared>& stops) const;
-  [[nodiscard]] std::vector<double> gains(const std::vector<PlannedStop>& stops) const {
-    return gains(prepare(stops));
-  }
+  [[nodiscard]] std::vector<double> gains(const std::vector<PlannedStop>& stops) const;
   /// Takes the stop for made.
   void add(const PlannedStop& stop);
 
@@ -71,6 +62,7 @@ class Forecast {
   const JointSolution& solution() const { return solution_; }
 
  private:
+  struct Rows;
   /// What shall become certain.
   struct Target {
     std::size_t camera = 0;
@@ -85,8 +77,7 @@ class Forecast {
   };
 
   void setAims();
-  std::vector<Prepared> rowsOf(const std::vector<PlannedStop>& stops,
-                               const std::vector<int>& corner_ids) const;
+  std::vector<Rows> rowsOf(const std::vector<PlannedStop>& stops, const std::vector<int>& corner_ids) const;
 
   BoardSpec board_;
   JointSolution solution_;

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -43,8 +44,8 @@ struct InformativeOptions {
   double stop_time_s = 3.0;          ///< Of a stop beside the travel: the servo's end, settling, the frames.
   double floor_worth =
       0.3;               ///< Of an image cell filled, a distance or a tilt that is missing, in units of gain.
+  double least_worth = 0.0;  ///< Gain and floors together; a view worth less is not proposed, however near.
   int candidates = 700;  ///< Of all viewers together.
-  int views = 4;         ///< How many are planned ahead and brought into a short order.
   int draw = 0;          ///< Candidates are drawn anew with each number; the same ones with the same.
 };
 
@@ -54,24 +55,23 @@ struct InformativeView {
   Pose<Color, Board> cdMo;      ///< In that one's camera frame.
   Pose<Base, EndEffector> bMe;  ///< Where the flange will be, as far as the belief is right.
   bool straight = true;  ///< From where the arm stands before it. False: only on a way round what is there.
-  calib::PlannedStop stop;  ///< What the forecast took it for,
-  double gain =
-      0.0;  ///< and what it is worth once those chosen before it have been made; see calib::Forecast.
+  calib::PlannedStop stop;  ///< What the forecast takes it for.
 };
 
-/// The views that take away most uncertainty of all streams together per second of robot time, the
-/// probability of detection allowed for; each is chosen as if those before it had been made. Then the order
-/// in which the arm travels least. Empty if no candidate can be reached.
+/// The view that takes away most uncertainty of all streams together per second of robot time, the
+/// probability of detection allowed for. Nothing if no candidate worth it can be reached.
 ///
 /// Board poses are drawn over image position, distance, tilt and roll of every viewer (Halton, "On the
-/// efficiency of certain quasi-random sequences of points", 1960).
+/// efficiency of certain quasi-random sequences of points", 1960). To choose one at a time, from candidates drawn
+/// anew, takes a quarter fewer views than to choose four from the same ones and to bring them into the shortest
+/// order, and no more time (docs/results.md).
 ///
 /// @param forecast of the joint solution, in units of information; see there.
 /// @param current_q where the arm stands.
-[[nodiscard]] std::vector<InformativeView> informativeViews(const calib::Forecast& forecast,
-                                                            const std::vector<Viewer>& viewers,
-                                                            const BoardSpec& board, const robot::Guard& guard,
-                                                            const Eigen::VectorXd& current_q,
-                                                            const InformativeOptions& options);
+[[nodiscard]] std::optional<InformativeView> informativeView(const calib::Forecast& forecast,
+                                                             const std::vector<Viewer>& viewers,
+                                                             const BoardSpec& board, const robot::Guard& guard,
+                                                             const Eigen::VectorXd& current_q,
+                                                             const InformativeOptions& options);
 
 }  // namespace servocal::plan
