@@ -155,7 +155,7 @@ void fillFloors(Run& run) {
 
 /// The next view; none if none brings a goal much nearer.
 std::optional<plan::InformativeView> nextView(Run& run, const Estimate& estimated,
-                                             const std::vector<plan::Viewer>& looking, int& draws) {
+                                              const std::vector<plan::Viewer>& looking, int& draws) {
   // Stops are forecast for an arm as it reports; the goals move by what that makes seem better than it is.
   const CellConfig& cell = run.cell();
   const std::vector<Known> seeming = known(estimated.plain, cell);
