@@ -16,6 +16,7 @@ namespace {
 
 constexpr const char* kStage = "inform";
 constexpr double kLeastWorth = 0.1;  // of a stop: a twentieth off one standard deviation still too large
+constexpr int kFirstViews = 4;       // of a stream, before views are planned for it
 constexpr int kDraws = 4;            // of candidates, without one of that worth, before there is none.
 constexpr double kFarRatio = 1.5;              // far limit of the distances over the far views' least one
 constexpr double kPlanMarginOfHeight = 0.012;  // A little more than the drive keeps.
@@ -143,13 +144,33 @@ double motionTimeS(Run& run) {
   return span ? toSeconds(span->second - span->first) : 0.0;
 }
 
+/// Views of coverage for one eye, from where it sees the board.
+void coverAlone(Run& run, Eye& eye, int views) {
+  Eye& color = *run.find(eye.camera(), Stream::kColor);
+  if (!eye.shouldSee(run.guard().state().bMe, run.eMo(eye)) && handOver(run, color)) return;
+  cover(run, eye, views);
+}
+
+/// A stream with too few views has no place in the estimate by which views are planned: its first ones are those of
+/// coverage. An infrared stream that is switched to only for itself may have none.
+void takeFirstViews(Run& run) {
+  for (Eye& eye : run.eyes()) {
+    const auto views = std::count_if(run.observations().begin(), run.observations().end(), [&](const Observation& stop) {
+      return std::any_of(stop.views.begin(), stop.views.end(), [&](const StreamObservation& view) {
+        return view.camera == eye.camera() && view.stream == eye.stream();
+      });
+    });
+    if (views >= kFirstViews || eye.tooLate()) continue;
+    (void)run.updateBelief(eye);
+    if (eye.bMc()) coverAlone(run, eye, kFirstViews - static_cast<int>(views));
+  }
+}
+
 /// What the floors of coverage lack, eye by eye.
 void fillFloors(Run& run) {
   for (Eye& eye : run.eyes()) {
     if (eye.coverage.exhausted() || !eye.bMc() || eye.tooLate() || !eye.handEye()) continue;
-    Eye& color = *run.find(eye.camera(), Stream::kColor);
-    if (!eye.shouldSee(run.guard().state().bMe, run.eMo(eye)) && handOver(run, color)) continue;
-    cover(run, eye, run.cell().coverage.max_views);
+    coverAlone(run, eye, run.cell().coverage.max_views);
   }
 }
 
@@ -186,6 +207,7 @@ std::optional<std::string> inform(Run& run) {
   int stops =
       static_cast<int>(std::count_if(run.observations().begin(), run.observations().end(),
                                      [](const auto& observation) { return observation.stage == kStage; }));
+  takeFirstViews(run);
   std::vector<std::vector<Pose<Color, Board>>> tried;  // by stream of the estimate
   std::optional<std::string> ended;
   for (int draws = 0; !ended;) {
