@@ -39,6 +39,9 @@ function(servocal_add_test name)
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
+  if(CMAKE_CXX_FLAGS MATCHES "-fsanitize")
+    math(EXPR ARG_TIMEOUT "10 * ${ARG_TIMEOUT}")  # Instrumented, everything takes longer.
+  endif()
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE servocal_warnings servocal_test_support ${ARG_DEPS}
                                         GTest::gtest_main)

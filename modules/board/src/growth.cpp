@@ -118,11 +118,11 @@ void dropStrays(const cv::Mat& smoothed, Lattice& lattice) {
     std::array<const Lattice::Node*, 4> beside{};
     for (int axis = 0; axis < 4; ++axis)
       beside[axis] = nodes.at(key.first + kStepI[axis], key.second + kStepJ[axis]);
-    const auto along = [&](int axis) {
+    const auto along = [&beside, pixel = node.pixel](int axis) {
       const Lattice::Node *ahead = beside[axis], *behind = beside[axis + 2];
       if (ahead && behind) return Vector2f(0.5f * (ahead->pixel - behind->pixel));
-      if (ahead) return Vector2f(ahead->pixel - node.pixel);
-      return behind ? Vector2f(node.pixel - behind->pixel) : Vector2f(Vector2f::Zero());
+      if (ahead) return Vector2f(ahead->pixel - pixel);
+      return behind ? Vector2f(pixel - behind->pixel) : Vector2f(Vector2f::Zero());
     };
     const Vector2f along_i = along(0), along_j = along(1);
     bool stray = along_i.isZero() || along_j.isZero();

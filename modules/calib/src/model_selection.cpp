@@ -72,8 +72,8 @@ std::vector<Part> partsOf(const std::vector<Observation>& sorted, int count) {
   std::vector<int> part_of(sorted.size());
   for (const auto& [stream, stops] : strata) {
     for (int part = 0; part < count; ++part) {
-      const auto cut = [&](int at) {
-        return stops.size() * static_cast<std::size_t>(at) / static_cast<std::size_t>(count);
+      const auto cut = [count, all = stops.size()](int at) {
+        return all * static_cast<std::size_t>(at) / static_cast<std::size_t>(count);
       };
       for (std::size_t i = cut(part); i < cut(part + 1); ++i) part_of[stops[i]] = part;
     }
