@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <functional>
 #include <stdexcept>
 
 #include "depth_fit.h"
@@ -16,6 +17,7 @@ namespace {
 
 /// A view whose residual is this many times the typical one contradicts the others.
 constexpr double kOutlierRatio = 4.0;
+constexpr double kStartSigma_m = 0.005;
 /// Where DepthResult::sigma_at_m looks beyond the ranges visited, m.
 constexpr double kFarSigma_m = 1.5;
 
@@ -26,7 +28,8 @@ struct Source {
 
 void check(const CameraModel& infrared, const DepthOptions& options) {
   if (options.nodes_x < 2 || options.nodes_y < 2 || options.min_views < 1 ||
-      !(options.board_pose_sigma_m > 0.0) || !(options.board_pose_sigma_rad > 0.0)) {
+      !(options.board_pose_sigma_m > 0.0) || !(options.board_pose_sigma_rad > 0.0) ||
+      !(options.board_pose_common_m >= 0.0)) {
     throw std::invalid_argument("an option of the depth correction is out of range");
   }
   if (options.intrinsics_covariance && (options.intrinsics_covariance->rows() != infrared.parameters.size() ||
@@ -46,14 +49,17 @@ std::vector<DepthView> viewsOf(const BoardSpec& board, const CameraModel& infrar
   return views;
 }
 
-/// How far a view's patches are from the plane under a model, in units of what its pose and patches explain:
-/// as a whole, and in shape.
+/// How far a view's patches are from the plane under a model, in units of what its pose, its patches and the
+/// uncertainty of the model there explain: as a whole, and in shape.
 struct Misfit {
   double whole = 0.0;
   double shape = 0.0;
 };
 
-Misfit misfit(const DepthModel& model, const DepthView& view) {
+/// Covariance of what a model says of a view's patches, m^2.
+using ModelCovariance = std::function<Eigen::MatrixXd(const DepthView&)>;
+
+Misfit misfit(const DepthModel& model, const ModelCovariance& uncertain, const DepthView& view) {
   const Eigen::Index count = view.raw_m.size();
   Eigen::VectorXd residual(count);
   for (Eigen::Index k = 0; k < count; ++k) {
@@ -62,18 +68,20 @@ Misfit misfit(const DepthModel& model, const DepthView& view) {
     residual[k] = view.plane_m[k] - *corrected;
   }
   const double patch_variance = view.raw_sigma_m.cwiseAbs2().mean();
-  const double common = view.plane_covariance_m2.mean();
-  const double total = view.plane_covariance_m2.diagonal().mean();
+  const Eigen::MatrixXd covariance = view.plane_covariance_m2 + uncertain(view);
+  const double common = covariance.mean();
+  const double total = covariance.diagonal().mean();
   const double rms = std::sqrt((residual.array() - residual.mean()).square().mean());
   return {std::abs(residual.mean()) / std::sqrt(common + patch_variance / static_cast<double>(count)),
           rms / std::sqrt(std::max(total - common, 0.0) + patch_variance)};
 }
 
 /// The views that agree with a model, by rank against the typical one.
-std::vector<bool> agreeing(const DepthModel& model, const std::vector<DepthView>& views) {
+std::vector<bool> agreeing(const DepthModel& model, const ModelCovariance& uncertain,
+                           const std::vector<DepthView>& views) {
   std::vector<double> wholes, shapes;
   for (const DepthView& view : views) {
-    const Misfit fit = misfit(model, view);
+    const Misfit fit = misfit(model, uncertain, view);
     wholes.push_back(fit.whole);
     shapes.push_back(fit.shape);
   }
@@ -91,6 +99,13 @@ std::vector<DepthView> chosen(const std::vector<DepthView>& views, const std::ve
     if (keep[i]) out.push_back(views[i]);
   }
   return out;
+}
+
+/// Of the model before any fit: the sensor's error changes over the image, and no view has told how.
+Eigen::MatrixXd startUncertainty(const DepthView& view) {
+  const Eigen::Index count = view.raw_m.size();
+  return kStartSigma_m * kStartSigma_m *
+         (0.5 * Eigen::MatrixXd::Identity(count, count) + 0.5 * Eigen::MatrixXd::Ones(count, count));
 }
 
 /// Slope 1 and the offset of the typical view: where the robust rounds start.
@@ -210,7 +225,7 @@ DepthOutcome solveDepth(const BoardSpec& board, const CameraModel& infrared,
   shape.camera = infrared;
   shape.nodes_x = options.nodes_x;
   shape.nodes_y = options.nodes_y;
-  std::vector<bool> keep = agreeing(startModel(shape, views), views);
+  std::vector<bool> keep = agreeing(startModel(shape, views), startUncertainty, views);
   std::vector<DepthView> used = chosen(views, keep);
   bool free_slope = false;
   std::optional<DepthFit> fit;
@@ -219,8 +234,11 @@ DepthOutcome solveDepth(const BoardSpec& board, const CameraModel& infrared,
   };
   for (int round = 0; round < 8 && enough(); ++round) {
     free_slope = rangeRatio(used) >= options.min_range_ratio;
-    fit = DepthProblem(shape, free_slope, used).solve(fit ? fit->scales : DepthScales{});
-    const std::vector<bool> next = agreeing(fit->model, views);
+    const DepthProblem problem(shape, free_slope, used);
+    fit = problem.solve(fit ? fit->scales : DepthScales{});
+    // Where no view in use was, the model does not contradict one that was left out.
+    const std::vector<bool> next =
+        agreeing(fit->model, [&](const DepthView& view) { return problem.covarianceAt(*fit, view); }, views);
     if (next == keep) break;
     keep = next;
     used = chosen(views, keep);
@@ -275,6 +293,7 @@ DepthOutcome solveDepth(const BoardSpec& board, const CameraModel& infrared,
   if (options.intrinsics_covariance && options.board_poses.empty()) {
     variance += varianceByIntrinsics(board, infrared, used_sources, *fit, free_slope, result.sigma_at_m, options);
   }
+  variance.array() += options.board_pose_common_m * options.board_pose_common_m;
   result.sigma_m = variance.cwiseSqrt();
 
   if (!free_slope) {

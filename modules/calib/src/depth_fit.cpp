@@ -201,4 +201,11 @@ Eigen::VectorXd DepthProblem::gradient(const DepthModel& model, const Eigen::Vec
   return gradient * (isRange(model) ? 1.0 / stretch : -depth * depth);
 }
 
+Eigen::MatrixXd DepthProblem::covarianceAt(const DepthFit& fit, const DepthView& view) const {
+  Eigen::MatrixXd gradients(view.raw_m.size(), fit.covariance.rows());
+  for (Eigen::Index k = 0; k < view.raw_m.size(); ++k)
+    gradients.row(k) = gradient(fit.model, view.pixels[static_cast<std::size_t>(k)], view.raw_m[k]).transpose();
+  return gradients * fit.covariance * gradients.transpose();
+}
+
 }  // namespace servocal::calib

@@ -36,6 +36,8 @@ class DepthProblem {
   DepthFit solveAt(const DepthScales& scales) const;
   /// Gradient of the corrected depth (m) by offset, slope and nodes.
   Eigen::VectorXd gradient(const DepthModel& model, const Eigen::Vector2d& pixel, double raw_m) const;
+  /// Covariance of the corrected depth at a view's patches by that of a fit, m^2.
+  Eigen::MatrixXd covarianceAt(const DepthFit& fit, const DepthView& view) const;
 
  private:
   /// A patch in the quantity that is linear: range or inverse depth.

@@ -26,6 +26,8 @@ struct DepthOptions {
   std::map<std::int64_t, Pose<Infrared, Board>> board_poses;
   double board_pose_sigma_m = 0.0003;     ///< Standard deviations of board_poses, per axis and view,
   double board_pose_sigma_rad = 0.0005;   ///< independent from view to view.
+  /// Standard deviation of what all board_poses have wrong alike, along the line of sight: part of DepthResult::sigma_m.
+  double board_pose_common_m = 0.0;
   /// Of infrared.parameters (IntrinsicsResult::covariance). If given, DepthResult::sigma_m includes what the
   /// intrinsics do to the boards' distances: usually its largest part. Not used with board_poses.
   std::optional<Eigen::MatrixXd> intrinsics_covariance;
