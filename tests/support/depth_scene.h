@@ -10,7 +10,7 @@
 namespace servocal::test {
 
 /// The infrared camera of a Kinect v2: 512 x 424, f about 366 px.
-inline CameraModel infraredCamera() {
+inline CameraModel depthCamera() {
   CameraModel camera = CameraModel::fromFieldOfView(512, 424, 1.22);
   camera.parameters << 366.2, 365.8, 257.0, 208.5, 0.09, -0.27, 0.0004, -0.0003, 0.09;
   return camera;
@@ -37,7 +37,7 @@ inline Eigen::VectorXd wavyNodes(int nodes_x, int nodes_y, double size) {
 inline DepthModel timeOfFlight() {
   DepthModel model;
   model.sensor = DepthSensor::kTimeOfFlight;
-  model.camera = infraredCamera();
+  model.camera = depthCamera();
   model.offset = -0.024;
   model.slope = 1.004;
   model.nodes_x = 8;

@@ -208,9 +208,9 @@ JointAnswer tryJointly(const BoardSpec& board, const std::vector<Observation>& o
   JointResult out;
   const Chosen chosen = choose(board, observations, options, out.notes);
   if (chosen.options.streams.empty())
-    return {std::nullopt, calib::toString(calib::JointStatus::kTooFewViews)};
+    return {std::nullopt, calib::toString(calib::JointStatus::kTooFewViews), {}};
   calib::JointOutcome outcome = calib::solveJoint(board, observations, chosen.options);
-  if (!outcome.solution) return {std::nullopt, sentenceOf(outcome)};
+  if (!outcome.solution) return {std::nullopt, sentenceOf(outcome), {}};
   const calib::JointSolution solution =
       withGeometryInDoubt(board, observations, options, *std::move(outcome.solution), out.notes);
   out.model = chosen.sentence;
@@ -234,7 +234,12 @@ JointAnswer tryJointly(const BoardSpec& board, const std::vector<Observation>& o
         "no view was held out: the error in views not seen is that of a cross-validation in " +
         std::to_string(kBlocks) + " blocks");
   }
-  return {std::move(out), ""};
+  std::map<std::string, calib::BoardPlaces> infrared_boards;
+  for (const calib::JointCamera& camera : solution.cameras) {
+    if (camera.stream != Stream::kInfrared || options.depth_sensors.count(camera.camera) == 0) continue;
+    infrared_boards.emplace(camera.camera, calib::boardPlaces(board, observations, solution, camera));
+  }
+  return {std::move(out), "", std::move(infrared_boards)};
 }
 
 }  // namespace
@@ -298,7 +303,7 @@ JointAnswer solveJointly(const BoardSpec& board, const std::vector<Observation>&
   try {
     return tryJointly(board, observations, kept, options);
   } catch (const std::exception& error) {
-    return {std::nullopt, error.what()};
+    return {std::nullopt, error.what(), {}};
   }
 }
 

@@ -2,9 +2,11 @@
 // The joint estimate of a whole cell, beside the one in stages.
 #pragma once
 
+#include <map>
 #include <string>
 #include <vector>
 
+#include "servocal/calib/board_places.h"
 #include "servocal/calib/joint.h"
 #include "servocal/core/result.h"
 #include "servocal/procedure/solve.h"
@@ -22,6 +24,7 @@ std::optional<calib::RobotTerms> geometryTerms(const std::vector<Observation>& o
 struct JointAnswer {
   std::optional<JointResult> result;
   std::string problem;  ///< Why there is none, a sentence; empty too if there are no robot poses.
+  std::map<std::string, calib::BoardPlaces> infrared_boards;  ///< By camera, of those that measure depth.
 };
 
 /// Everything at once: which lens terms, whether a bow of the board and errors of the arm's geometry by

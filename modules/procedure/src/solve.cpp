@@ -53,8 +53,7 @@ void solveInfrared(const BoardSpec& board, const std::vector<Observation>& obser
   }
 }
 
-/// Where robot and hand-eye say the board was. One small image says little of a distance; the two sources have not been
-/// compared on the same views yet (docs/depth.md).
+/// Where robot and hand-eye say the board was, if there is no joint estimate.
 std::map<std::int64_t, Pose<Infrared, Board>> boardPosesByRobot(const std::vector<Observation>& observations,
                                                                 const std::optional<HandEyeSolution>& hand_eye) {
   std::map<std::int64_t, Pose<Infrared, Board>> poses;
@@ -92,8 +91,24 @@ std::optional<std::string> findWrongSize(const BoardSpec& board, const std::vect
          " (or if the depth is off in that ratio)";
 }
 
+/// The board's places by the joint estimate, and the camera they are places in; false if there is none, or it leaves the
+/// places open.
+bool takeJointly(const JointAnswer& joint, const std::string& camera, CameraModel& infrared,
+                 calib::DepthOptions& options) {
+  const auto places = joint.infrared_boards.find(camera);
+  if (places == joint.infrared_boards.end() || !std::isfinite(places->second.common_m)) return false;
+  for (const auto& [id, iMo] : places->second.poses) options.board_poses.emplace(id, Pose<Infrared, Board>(iMo));
+  options.board_pose_sigma_m = places->second.sigma_m;
+  options.board_pose_sigma_rad = places->second.sigma_rad;
+  options.board_pose_common_m = places->second.common_m;
+  for (const JointCameraResult& solved : joint.result->cameras) {
+    if (solved.camera == camera && solved.stream == Stream::kInfrared) infrared = solved.model;
+  }
+  return true;
+}
+
 void solveDepth(const BoardSpec& board, const std::vector<Observation>& observations, const SolveOptions& options,
-                CameraResult& result, std::vector<std::string>& missing) {
+                const JointAnswer& joint, CameraResult& result, std::vector<std::string>& missing) {
   const auto sensor = options.depth_sensors.find(result.camera);
   if (sensor == options.depth_sensors.end() || !result.infrared) return;
   if (const auto contradiction = findWrongSize(board, observations, result)) {
@@ -103,13 +118,17 @@ void solveDepth(const BoardSpec& board, const std::vector<Observation>& observat
     return;
   }
   calib::DepthOptions depth_options;
-  depth_options.board_poses = boardPosesByRobot(observations, result.infrared_hand_eye);
-  depth_options.board_pose_sigma_m = options.robot_sigma_m;
-  depth_options.board_pose_sigma_rad = options.robot_sigma_rad;
-  auto outcome =
-      calib::solveDepth(board, result.infrared->camera, observations, result.camera, sensor->second, depth_options);
+  CameraModel infrared = result.infrared->camera;
+  if (!takeJointly(joint, result.camera, infrared, depth_options)) {
+    depth_options.board_poses = boardPosesByRobot(observations, result.infrared_hand_eye);
+    depth_options.board_pose_sigma_m = options.robot_sigma_m;
+    depth_options.board_pose_sigma_rad = options.robot_sigma_rad;
+  }
+  auto outcome = calib::solveDepth(board, infrared, observations, result.camera, sensor->second, depth_options);
   if (outcome.result) {
     result.depth = *std::move(outcome.result);
+    // Registering depth to color takes lens and pose from one estimate, that in stages. The correction hardly asks.
+    result.depth->model.camera = result.infrared->camera;
   } else {
     missing.push_back("depth of " + result.camera + ": " + outcome.reason);
   }
@@ -209,8 +228,6 @@ CalibrationResult solve(const BoardSpec& board, const std::vector<Observation>& 
     if (with_infrared.count(camera) > 0) {
       solveInfrared(board, observations, has_robot, options, *solved, result.missing);
     }
-    solveDepth(board, observations, options, *solved, result.missing);
-    addAffineBaseline(board, observations, *solved);
     solved->held_out = holdOut(board, kept, *solved);
     result.cameras.push_back(*std::move(solved));
   }
@@ -226,6 +243,10 @@ CalibrationResult solve(const BoardSpec& board, const std::vector<Observation>& 
     }
   }
   JointAnswer joint = solveJointly(board, observations, kept, options);
+  for (CameraResult& camera : result.cameras) {
+    solveDepth(board, observations, options, joint, camera, result.missing);
+    addAffineBaseline(board, observations, camera);
+  }
   result.joint = std::move(joint.result);
   result.joint_problem = std::move(joint.problem);
   result.goal_met = result.missing.empty();

@@ -15,7 +15,7 @@ namespace servocal::board {
 namespace {
 
 struct Picture {
-  CameraModel camera = test::infraredCamera();
+  CameraModel camera = test::depthCamera();
   BoardSpec board;
   Pose<Color, Board> cMo = Pose<Color, Board>::fromRotationVector({0.35, -0.3, 0.2}, {0.04, -0.03, 0.7});
   double unit_m = 0.001;

@@ -15,7 +15,7 @@ const Pose<Color, Color> kBeside =
 
 TEST(ColorInfrared, TwoStreamsOfOneCameraArePaired) {
   const PairCamera color{"left", Stream::kColor, test::hdCamera()};
-  const PairCamera infrared{"left", Stream::kInfrared, test::infraredCamera()};
+  const PairCamera infrared{"left", Stream::kInfrared, test::depthCamera()};
   const BoardSpec board;
   std::mt19937_64 random(1);
   test::SceneOptions options;
