@@ -17,7 +17,6 @@ namespace {
 
 /// A view whose residual is this many times the typical one contradicts the others.
 constexpr double kOutlierRatio = 4.0;
-constexpr double kStartSigma_m = 0.005;
 /// Where DepthResult::sigma_at_m looks beyond the ranges visited, m.
 constexpr double kFarSigma_m = 1.5;
 
@@ -56,7 +55,7 @@ struct Misfit {
   double shape = 0.0;
 };
 
-/// Covariance of what a model says of a view's patches, m^2.
+/// Covariance of what a model says of a view's patches, m^2; empty: not known.
 using ModelCovariance = std::function<Eigen::MatrixXd(const DepthView&)>;
 
 Misfit misfit(const DepthModel& model, const ModelCovariance& uncertain, const DepthView& view) {
@@ -68,7 +67,8 @@ Misfit misfit(const DepthModel& model, const ModelCovariance& uncertain, const D
     residual[k] = view.plane_m[k] - *corrected;
   }
   const double patch_variance = view.raw_sigma_m.cwiseAbs2().mean();
-  const Eigen::MatrixXd covariance = view.plane_covariance_m2 + uncertain(view);
+  Eigen::MatrixXd covariance = view.plane_covariance_m2;
+  if (uncertain) covariance += uncertain(view);
   const double common = covariance.mean();
   const double total = covariance.diagonal().mean();
   const double rms = std::sqrt((residual.array() - residual.mean()).square().mean());
@@ -99,13 +99,6 @@ std::vector<DepthView> chosen(const std::vector<DepthView>& views, const std::ve
     if (keep[i]) out.push_back(views[i]);
   }
   return out;
-}
-
-/// Of the model before any fit: the sensor's error changes over the image, and no view has told how.
-Eigen::MatrixXd startUncertainty(const DepthView& view) {
-  const Eigen::Index count = view.raw_m.size();
-  return kStartSigma_m * kStartSigma_m *
-         (0.5 * Eigen::MatrixXd::Identity(count, count) + 0.5 * Eigen::MatrixXd::Ones(count, count));
 }
 
 /// Slope 1 and the offset of the typical view: where the robust rounds start.
@@ -225,7 +218,7 @@ DepthOutcome solveDepth(const BoardSpec& board, const CameraModel& infrared,
   shape.camera = infrared;
   shape.nodes_x = options.nodes_x;
   shape.nodes_y = options.nodes_y;
-  std::vector<bool> keep = agreeing(startModel(shape, views), startUncertainty, views);
+  std::vector<bool> keep = agreeing(startModel(shape, views), {}, views);
   std::vector<DepthView> used = chosen(views, keep);
   bool free_slope = false;
   std::optional<DepthFit> fit;

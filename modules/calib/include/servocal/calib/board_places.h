@@ -17,8 +17,9 @@ struct BoardPlaces {
   std::map<std::int64_t, Eigen::Isometry3d> poses;  ///< cMo by observation id, of the views in use.
   double sigma_m = 0.0;    ///< Standard deviation per axis of the stop's own error; RMS over the stops.
   double sigma_rad = 0.0;  ///< Likewise per axis of its rotation.
-  double common_m =
-      0.0;  ///< Of what all of them have wrong alike, along the line of sight. NaN if it is not known.
+  /// Of their depths' mean, along the lines of sight: what the poses of camera and mount have wrong in all views alike, to
+  /// first order. NaN if it is not known.
+  double common_m = 0.0;
 };
 
 /// The places of the board at the stops that the solution used of this camera, each stop's correction
@@ -29,6 +30,7 @@ struct BoardPlaces {
 ///
 /// @param observations those that the solution was made from.
 /// @param camera one of solution.cameras.
+/// @throws std::invalid_argument as solveJoint.
 [[nodiscard]] BoardPlaces boardPlaces(const BoardSpec& board, const std::vector<Observation>& observations,
                                       const JointSolution& solution, const JointCamera& camera);
 

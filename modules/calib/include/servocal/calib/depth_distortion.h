@@ -54,7 +54,8 @@ struct DepthOutcome {
 /// evidence. The lattice is a membrane (differences of neighboring nodes are random) of mean zero over the
 /// image, so that the offset is determined; where no board was it continues its surroundings, with the
 /// uncertainty that the stiffness implies. With boards at one distance only the slope is not determined and
-/// stays 1, with a note. Up to a third of the views may contradict the others; they are left out and named.
+/// stays 1, with a note. Up to a third of the views may contradict the others; they are left out and named. What
+/// the correction does not know yet, where no other view was, is no contradiction.
 ///
 /// Of the two poses of a plane that fit a small image alike, the one whose plane fits the depth is taken.
 ///

@@ -23,7 +23,7 @@ namespace servocal {
 /// accurate range sensing", CVIU 114(12), 2010 (range).
 struct DepthModel {
   DepthSensor sensor = DepthSensor::kTimeOfFlight;
-  CameraModel camera;          ///< The infrared camera's intrinsics it was solved with.
+  CameraModel camera;          ///< Infrared intrinsics, for the rays; those of the estimate in stages.
   double offset = 0.0;
   double slope = 1.0;
   int nodes_x = 2;             ///< At least 2 each way.
