@@ -5,6 +5,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "servocal/app/main.h"
+#include "servocal/core/best_estimate.h"
 #include "servocal/core/error.h"
 #include "servocal/sensor/rectify.h"
 #include "servocal/session/session.h"
@@ -18,6 +19,7 @@ A depth image is a 16-bit PNG as the camera delivers it, in pixels of the infrar
 NAME_color.png: the corrected depth for every pixel of the color image, and with --corrected also
 NAME_corrected.png: in its own pixels. 16 bits, mm, 0 where there is none.
 
+Lenses and poses are those of the joint estimate if the result has one, of the stages otherwise.
 The same is one call of the library, sensor::DepthRectifier (docs/depth.md). Moves no robot.
 
 Example:
@@ -77,7 +79,7 @@ int main(int argc, char** argv) {
   cli.add_flag("--corrected", write_corrected, "Write the corrected depth in its own pixels as well");
   return app::guardedMain(cli, argc, argv, [&] {
     const CalibrationResult result =
-        session::loadResult(std::filesystem::is_directory(input) ? input / "result.yaml" : input);
+        bestEstimate(session::loadResult(std::filesystem::is_directory(input) ? input / "result.yaml" : input));
     const CameraResult& camera = cameraOf(result, camera_name);
     const sensor::DepthRectifier rectifier(camera.depth->model, camera.intrinsics.camera,
                                            Pose<Color, Infrared>(camera.color_infrared->first_by_second), unit_m);

@@ -149,7 +149,7 @@ void printPair(const CameraPairErrors& pair, std::map<std::string, Columns>& col
   };
   printPlanes("as measured", pair.raw);
   printPlanes("corrected", pair.corrected);
-  printPlanes("corrected, joint poses", pair.by_joint);
+  printPlanes("corrected, best estimate", pair.best);
 }
 
 }  // namespace

@@ -46,6 +46,19 @@ inline DepthModel timeOfFlight() {
   return model;
 }
 
+/// The same with a wiggling error of two harmonics, 2 mm from crest to trough.
+inline DepthModel wigglingTimeOfFlight() {
+  DepthModel model = timeOfFlight();
+  model.wiggle_from_m = 0.3;
+  model.wiggle_to_m = 2.3;
+  model.wiggle.resize(201);
+  for (Eigen::Index k = 0; k < model.wiggle.size(); ++k) {
+    const double range_m = 0.3 + 0.01 * static_cast<double>(k);
+    model.wiggle[k] = 6e-4 * std::sin(2 * M_PI * range_m / 0.47 + 1.0) + 6e-4 * std::sin(2 * M_PI * range_m / 1.25);
+  }
+  return model;
+}
+
 /// Structured light: at 0.8 m about 10 mm offset, 0.8 % of the inverse depth, 8 mm over the image.
 inline DepthModel structuredLight() {
   DepthModel model = timeOfFlight();
@@ -64,7 +77,10 @@ inline double distorted(const DepthModel& model, const Eigen::Vector2d& pixel, d
     return model.slope / (1.0 / depth_m - model.offset - model.lattice(pixel));
   }
   const double stretch = std::sqrt(1.0 + model.camera.unproject(pixel)->squaredNorm());
-  return (depth_m * stretch - model.offset - model.lattice(pixel)) / model.slope / stretch;
+  const double range_m = depth_m * stretch - model.offset - model.lattice(pixel);
+  double raw_m = range_m / model.slope;
+  for (int i = 0; i < 30; ++i) raw_m = (range_m - model.wiggling(raw_m)) / model.slope;
+  return raw_m / stretch;
 }
 
 struct DepthNoise {

@@ -3,6 +3,8 @@
 
 #include <cmath>
 
+#include "servocal/core/best_estimate.h"
+
 namespace servocal::test {
 namespace {
 
@@ -33,10 +35,8 @@ PairError errorOf(const Placed& first, const Placed& second, const Eigen::Vector
 
 std::optional<CameraPose> jointPose(const CalibrationResult& result, const std::string& camera) {
   if (!result.joint) return std::nullopt;
-  for (const JointCameraResult& joint : result.joint->cameras) {
-    if (joint.camera == camera && joint.stream == Stream::kColor) return CameraPose(joint.pose);
-  }
-  return std::nullopt;
+  const JointCameraResult* joint = result.joint->find(camera, Stream::kColor);
+  return joint == nullptr ? std::nullopt : std::optional(CameraPose(joint->pose));
 }
 
 bool hasTimeOfFlight(const CameraResult& camera) {
@@ -49,6 +49,7 @@ std::vector<CameraPairErrors> pairErrors(const sim::Truth& truth, const Calibrat
                                          const std::vector<PlaneShot>& shots,
                                          const Eigen::Vector3d& board_at_start) {
   std::vector<CameraPairErrors> pairs;
+  const CalibrationResult best = bestEstimate(result);
   const auto stands = [](const CameraResult& camera) {
     return camera.hand_eye && camera.hand_eye->mount == Mount::kFixed;
   };
@@ -67,7 +68,7 @@ std::vector<CameraPairErrors> pairErrors(const sim::Truth& truth, const Calibrat
       if (!shots.empty() && hasTimeOfFlight(a) && hasTimeOfFlight(b)) {
         pair.raw = planeGaps(result, shots, a.camera, b.camera, Cloud::kRaw);
         pair.corrected = planeGaps(result, shots, a.camera, b.camera, Cloud::kCorrected);
-        pair.by_joint = planeGaps(result, shots, a.camera, b.camera, Cloud::kJoint);
+        pair.best = planeGaps(best, shots, a.camera, b.camera, Cloud::kCorrected);
       }
       pairs.push_back(std::move(pair));
     }

@@ -27,8 +27,8 @@ struct CameraPairErrors {
   std::string second;
   PairError staged;
   std::optional<PairError> joint;
-  std::vector<PlaneGap> raw, corrected,
-      by_joint;  ///< By place; empty unless both measure depth by time of flight.
+  std::vector<PlaneGap> raw, corrected;  ///< By place, result in stages; empty unless both measure depth by time of flight.
+  std::vector<PlaneGap> best;  ///< The same by the best estimate, as programs use it.
 };
 
 /// Every two cameras that stand in the cell and have a hand-eye.

@@ -93,24 +93,13 @@ Plane fit(const std::vector<Eigen::Vector3d>& points) {
   return plane;
 }
 
-Pose<Base, Infrared> infraredPose(const CalibrationResult& result, const CameraResult& camera, Cloud cloud) {
-  if (cloud == Cloud::kJoint) {
-    for (const JointCameraResult& joint : result.joint->cameras) {
-      if (joint.camera == camera.camera && joint.stream == Stream::kInfrared)
-        return Pose<Base, Infrared>(joint.pose);
-    }
-  }
-  return Pose<Base, Color>(camera.hand_eye->camera_pose) *
-         Pose<Color, Infrared>(camera.color_infrared->first_by_second);
-}
-
 /// The points of the board in the base.
 std::vector<Eigen::Vector3d> boardCloud(const CalibrationResult& result, const CameraResult& camera,
                                         const PlaneShot& shot, Cloud cloud) {
   const DepthModel& model = camera.depth->model;
-  const sensor::DepthRectifier rectifier(model, camera.intrinsics.camera,
-                                         Pose<Color, Infrared>(camera.color_infrared->first_by_second));
-  const Pose<Base, Infrared> bMi = infraredPose(result, camera, cloud);
+  const Pose<Color, Infrared> cMi(camera.color_infrared->first_by_second);
+  const sensor::DepthRectifier rectifier(model, camera.intrinsics.camera, cMi);
+  const Pose<Base, Infrared> bMi = Pose<Base, Color>(camera.hand_eye->camera_pose) * cMi;
   const Pose<Board, Base> oMb = (shot.bMe * mountOf(result)).inverse();
   const Eigen::Vector3d corner =
       result.board.patternOutline()[2];  // Lower right: half the size of the pattern.
@@ -185,7 +174,6 @@ std::vector<PlaneGap> planeGaps(const CalibrationResult& result, const std::vect
                                 const std::string& first, const std::string& second, Cloud cloud) {
   const CameraResult &one = cameraOf(result, first), &other = cameraOf(result, second);
   std::vector<PlaneGap> gaps;
-  if (cloud == Cloud::kJoint && !result.joint) return gaps;
   for (const PlaneShot& shot : shots) {
     const auto cloud_one = boardCloud(result, one, shot, cloud),
                cloud_other = boardCloud(result, other, shot, cloud);

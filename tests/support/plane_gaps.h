@@ -30,9 +30,8 @@ std::vector<PlaneShot> shootPlanes(const CellConfig& cell, const CalibrationResu
 
 /// Of which numbers a cloud in the base is made.
 enum class Cloud {
-  kRaw,        ///< Depth as measured, poses of the stages.
-  kCorrected,  ///< Depth corrected as servocal-rectify does it, poses of the stages.
-  kJoint,      ///< Depth corrected likewise, poses of the joint estimate.
+  kRaw,        ///< Depth as measured.
+  kCorrected,  ///< As servocal-rectify corrects it.
 };
 
 /// The planes that two cameras' clouds of the board fit.
@@ -43,7 +42,8 @@ struct PlaneGap {
   int points = 0;          ///< Of the smaller cloud.
 };
 
-/// One entry per shot that shows enough of the board (500 points) to both.
+/// One entry per shot that shows enough of the board (500 points) to both. Lenses and poses are those of `result`: give it
+/// bestEstimate() for those of the joint estimate.
 std::vector<PlaneGap> planeGaps(const CalibrationResult& result, const std::vector<PlaneShot>& shots,
                                 const std::string& first, const std::string& second, Cloud cloud);
 

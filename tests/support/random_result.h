@@ -123,6 +123,12 @@ class RandomResult {
     result.model.nodes_y = 2;
     result.model.nodes.resize(6);
     for (double& node : result.model.nodes) node = near(0.01);
+    if (sensor == DepthSensor::kTimeOfFlight) {
+      result.model.wiggle.resize(5);
+      for (double& node : result.model.wiggle) node = near(0.002);
+      result.model.wiggle_from_m = 0.3;
+      result.model.wiggle_to_m = 1.9;
+    }
     result.model.near_m = 0.5;
     result.model.far_m = 1.7;
     result.rms_before_m = 0.02 + near(0.01);
@@ -200,11 +206,23 @@ class RandomResult {
     return camera;
   }
 
+  JointPair jointPair(const JointCameraResult& first, const JointCameraResult& second) {
+    const CameraPair beside = pair(first.camera, second.camera);
+    return {first.camera,    first.stream,          second.camera,     second.stream,      beside.first_by_second,
+            beside.covariance, 1e-3 + near(1e-4), 5e-4 + near(1e-4), 12};
+  }
+
   JointResult joint(const CalibrationResult& result) {
     JointResult out;
     for (const CameraResult& camera : result.cameras) {
       out.cameras.push_back(jointCamera(camera.camera, Stream::kColor, camera.intrinsics.camera));
       out.cameras.push_back(jointCamera(camera.camera, Stream::kInfrared, camera.infrared->camera));
+    }
+    out.mount = result.cameras.front().hand_eye->mount;
+    for (std::size_t i = 0; i < out.cameras.size(); i += 2) {
+      out.pairs.push_back(jointPair(out.cameras[i], out.cameras[i + 1]));
+      for (std::size_t k = i + 2; k < out.cameras.size(); k += 2)
+        out.pairs.push_back(jointPair(out.cameras[i], out.cameras[k]));
     }
     out.board_pose = randomPose<EndEffector, Board>(random_, 3.0, 0.1).isometry();
     for (int i = 0; i < 6; ++i) out.board_sigma[i] = 5e-4 + near(4e-4);

@@ -127,6 +127,22 @@ double rangeRatio(const std::vector<DepthView>& views) {
   return far / near;
 }
 
+/// With nodes for the wiggling error from a little before the nearest to a little behind the farthest patch.
+DepthModel withWiggle(DepthModel shape, const std::vector<DepthView>& views) {
+  constexpr double kMarginM = 0.3, kStepM = 0.05;
+  double near_m = INFINITY, far_m = 0.0;
+  for (const DepthView& view : views) {
+    const Eigen::VectorXd ranges = view.raw_m.cwiseProduct(view.stretch);
+    near_m = std::min(near_m, ranges.minCoeff());
+    far_m = std::max(far_m, ranges.maxCoeff());
+  }
+  shape.wiggle_from_m = near_m - kMarginM;
+  shape.wiggle_to_m = far_m + kMarginM;
+  const double steps = std::ceil((shape.wiggle_to_m - shape.wiggle_from_m) / kStepM);
+  shape.wiggle = Eigen::VectorXd::Zero(1 + static_cast<Eigen::Index>(steps));
+  return shape;
+}
+
 std::string text(const char* format, double a, double b) {
   char buffer[256];
   std::snprintf(buffer, sizeof buffer, format, a, b);
@@ -222,12 +238,15 @@ DepthOutcome solveDepth(const BoardSpec& board, const CameraModel& infrared,
   std::vector<DepthView> used = chosen(views, keep);
   bool free_slope = false;
   std::optional<DepthFit> fit;
+  const auto shapeFor = [&](const std::vector<DepthView>& of, bool at_several_ranges) {
+    return sensor == DepthSensor::kTimeOfFlight && at_several_ranges ? withWiggle(shape, of) : shape;
+  };
   const auto enough = [&] {
     return static_cast<int>(used.size()) >= options.min_views && 3 * used.size() >= 2 * views.size();
   };
   for (int round = 0; round < 8 && enough(); ++round) {
     free_slope = rangeRatio(used) >= options.min_range_ratio;
-    const DepthProblem problem(shape, free_slope, used);
+    const DepthProblem problem(shapeFor(used, free_slope), free_slope, used);
     fit = problem.solve(fit ? fit->scales : DepthScales{});
     // Where no view in use was, the model does not contradict one that was left out.
     const std::vector<bool> next =
@@ -242,7 +261,7 @@ DepthOutcome solveDepth(const BoardSpec& board, const CameraModel& infrared,
                           static_cast<double>(views.size()));
     return outcome;
   }
-  const DepthProblem problem(shape, free_slope, used);
+  const DepthProblem problem(shapeFor(used, free_slope), free_slope, used);
   fit = problem.solve(fit->scales);
   if (fit->scales.common_m > options.max_scatter_m) {
     outcome.status = DepthStatus::kInconsistent;
@@ -288,6 +307,9 @@ DepthOutcome solveDepth(const BoardSpec& board, const CameraModel& infrared,
   }
   variance.array() += options.board_pose_common_m * options.board_pose_common_m;
   result.sigma_m = variance.cwiseSqrt();
+  constexpr double kNoWiggle_m = 1e-5;
+  if (result.model.wiggle.size() > 0 && result.model.wiggle.lpNorm<Eigen::Infinity>() < kNoWiggle_m)
+    result.model.wiggle.resize(0);
 
   if (!free_slope) {
     result.notes.push_back(text("all boards were at about one distance (%.2f to %.2f m): how the depth error changes "

@@ -23,6 +23,33 @@ Eigen::VectorXd nodeShares(DepthModel model, const Eigen::Vector2d& pixel) {
   return shares;
 }
 
+/// Share of each node in the wiggling error at a raw range.
+Eigen::VectorXd wiggleShares(DepthModel model, double range_m) {
+  Eigen::VectorXd shares(model.wiggle.size());
+  for (Eigen::Index k = 0; k < shares.size(); ++k) {
+    model.wiggle = Eigen::VectorXd::Unit(shares.size(), k);
+    shares[k] = model.wiggling(range_m);
+  }
+  return shares;
+}
+
+/// Correlation of the wiggle's nodes: a stationary process, so that it fades where no board was. Matern's of order 3/2
+/// (Rasmussen, Williams, "Gaussian Processes for Machine Learning", 4.17); harmonics of half a metre to 1.3 m, as
+/// modulated light has, are that smooth.
+Eigen::MatrixXd wiggleCorrelation(const DepthModel& shape) {
+  constexpr double kLengthM = 0.2;
+  const Eigen::Index count = shape.wiggle.size();
+  const double step_m = count > 1 ? (shape.wiggle_to_m - shape.wiggle_from_m) / static_cast<double>(count - 1) : 0.0;
+  Eigen::MatrixXd correlation(count, count);
+  for (Eigen::Index a = 0; a < count; ++a) {
+    for (Eigen::Index b = 0; b < count; ++b) {
+      const double apart = std::sqrt(3.0) * static_cast<double>(std::abs(a - b)) * step_m / kLengthM;
+      correlation(a, b) = (1.0 + apart) * std::exp(-apart);
+    }
+  }
+  return correlation;
+}
+
 double logDeterminant(const Eigen::MatrixXd& matrix) {
   const Eigen::LLT<Eigen::MatrixXd> factor(matrix);
   return 2.0 * factor.matrixLLT().diagonal().array().abs().log().sum();
@@ -61,10 +88,11 @@ Eigen::MatrixXd membrane(const DepthModel& shape) {
 
 }  // namespace
 
+/// All rows in units of their standard deviations, and the matrix of their normal equations.
 struct DepthProblem::Normal {
-  Eigen::MatrixXd matrix;
-  Eigen::VectorXd right;
-  double log_evidence_data = 0.0;  // what does not depend on the lattice's stiffness
+  Eigen::MatrixXd design, matrix;
+  Eigen::VectorXd target;
+  double log_determinant = 0.0;  // of the rows' covariance, half and negative
 };
 
 double DepthProblem::linear(double depth_m, double stretch) const {
@@ -77,6 +105,11 @@ DepthProblem::DepthProblem(DepthModel shape, bool free_slope, std::vector<DepthV
   basis_ = zeroMeanBasis(shape_);
   roughness_ = basis_.transpose() * membrane(shape_) * basis_;
   roughness_log_determinant_ = logDeterminant(roughness_);
+  const Eigen::Index wiggles = shape_.wiggle.size();
+  if (wiggles > 0) {
+    wiggle_precision_ = wiggleCorrelation(shape_).llt().solve(Eigen::MatrixXd::Identity(wiggles, wiggles));
+    wiggle_log_determinant_ = logDeterminant(wiggle_precision_);
+  }
   double depth = 0.0, linear_sum = 0.0;
   int count = 0;
   for (const DepthView& view : views_) {
@@ -91,7 +124,7 @@ DepthProblem::DepthProblem(DepthModel shape, bool free_slope, std::vector<DepthV
   for (const DepthView& view : views_) {
     const Eigen::Index patches = view.raw_m.size();
     Rows rows;
-    rows.design.resize(patches, 2 + basis_.cols());
+    rows.design.resize(patches, 2 + wiggles + basis_.cols());
     rows.target.resize(patches);
     rows.to_linear.resize(patches);
     for (Eigen::Index k = 0; k < patches; ++k) {
@@ -100,6 +133,7 @@ DepthProblem::DepthProblem(DepthModel shape, bool free_slope, std::vector<DepthV
       rows.target[k] = linear(view.plane_m[k], view.stretch[k]) - raw;
       rows.design(k, 0) = 1.0;
       rows.design(k, 1) = free_slope_ ? raw - middle_linear_ : 0.0;
+      rows.design.row(k).segment(2, wiggles) = wiggleShares(shape_, raw).transpose();
       rows.design.row(k).tail(basis_.cols()) =
           nodeShares(shape_, view.pixels[static_cast<std::size_t>(k)]).transpose() * basis_;
     }
@@ -111,20 +145,24 @@ DepthProblem::DepthProblem(DepthModel shape, bool free_slope, std::vector<DepthV
 }
 
 DepthProblem::Normal DepthProblem::normal(const DepthScales& scales) const {
-  const Eigen::Index size = 2 + basis_.cols();
-  Normal normal{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size), 0.0};
+  Eigen::Index count = 0;
+  for (const Rows& rows : rows_) count += rows.target.size();
+  Normal normal;
+  normal.design.resize(count, 2 + shape_.wiggle.size() + basis_.cols());
+  normal.target.resize(count);
+  Eigen::Index at = 0;
   for (const Rows& rows : rows_) {
+    const Eigen::Index patches = rows.target.size();
     Eigen::MatrixXd covariance = rows.plane_covariance + scales.common_m * scales.common_m *
                                                              rows.to_linear * rows.to_linear.transpose();
     covariance.diagonal() += scales.patch * scales.patch * rows.patch_variance;
     const Eigen::LLT<Eigen::MatrixXd> factor(covariance);
-    const Eigen::MatrixXd design = factor.matrixL().solve(rows.design);
-    const Eigen::VectorXd target = factor.matrixL().solve(rows.target);
-    normal.matrix += design.transpose() * design;
-    normal.right += design.transpose() * target;
-    normal.log_evidence_data -=
-        factor.matrixLLT().diagonal().array().abs().log().sum() + 0.5 * target.squaredNorm();
+    normal.design.middleRows(at, patches) = factor.matrixL().solve(rows.design);
+    normal.target.segment(at, patches) = factor.matrixL().solve(rows.target);
+    normal.log_determinant -= factor.matrixLLT().diagonal().array().abs().log().sum();
+    at += patches;
   }
+  normal.matrix = normal.design.transpose() * normal.design;
   if (!free_slope_) normal.matrix(1, 1) = 1.0;
   return normal;
 }
@@ -133,30 +171,40 @@ DepthFit DepthProblem::solveAt(const DepthScales& scales) const {
   Normal equations = normal(scales);
   const double to_linear = isRange(shape_) ? 1.0 : 1.0 / (middle_m_ * middle_m_);
   const double stiffness = 1.0 / std::pow(scales.lattice_m * to_linear, 2);
-  const Eigen::Index free = basis_.cols();
+  const Eigen::Index free = basis_.cols(), wiggles = shape_.wiggle.size();
   equations.matrix.bottomRightCorner(free, free) += stiffness * roughness_;
+  const double wiggle_weight = 1.0 / (scales.wiggle_m * scales.wiggle_m);
+  equations.matrix.block(2, 2, wiggles, wiggles) += wiggle_weight * wiggle_precision_;
   const Eigen::MatrixXd inverse = scaledInverse(equations.matrix);
-  const Eigen::VectorXd solution = inverse * equations.right;
+  const Eigen::VectorXd solution = inverse * (equations.design.transpose() * equations.target);
 
   DepthFit fit;
   fit.scales = scales;
   // Scaled to unit diagonal for its determinant.
   const Eigen::VectorXd scale = equations.matrix.diagonal().cwiseSqrt();
   const Eigen::MatrixXd unit = scale.cwiseInverse().asDiagonal() * equations.matrix * scale.cwiseInverse().asDiagonal();
-  fit.log_evidence = equations.log_evidence_data + 0.5 * solution.dot(equations.right) -
+  // By the residuals: the difference of two sums of squares would be lost in rounding where data are good.
+  const auto lattice = solution.tail(free), wiggle = solution.segment(2, wiggles);
+  const double misfit = (equations.target - equations.design * solution).squaredNorm() +
+                        stiffness * lattice.dot(roughness_ * lattice) +
+                        (wiggles > 0 ? wiggle_weight * wiggle.dot(wiggle_precision_ * wiggle) : 0.0);
+  fit.log_evidence = equations.log_determinant - 0.5 * misfit -
                      0.5 * (logDeterminant(unit) + 2.0 * scale.array().log().sum()) +
-                     0.5 * (static_cast<double>(free) * std::log(stiffness) + roughness_log_determinant_);
+                     0.5 * (static_cast<double>(free) * std::log(stiffness) + roughness_log_determinant_) +
+                     0.5 * (static_cast<double>(wiggles) * std::log(wiggle_weight) + wiggle_log_determinant_);
 
-  // From (value at the middle, slope - 1, free combinations) to (offset, slope, nodes).
-  Eigen::MatrixXd map = Eigen::MatrixXd::Zero(2 + shape_.nodes.size(), 2 + free);
+  // From (value at the middle, slope - 1, wiggle, free combinations) to (offset, slope, wiggle, nodes).
+  Eigen::MatrixXd map = Eigen::MatrixXd::Zero(2 + wiggles + shape_.nodes.size(), 2 + wiggles + free);
   map(0, 0) = 1.0;
   if (free_slope_) map(0, 1) = -middle_linear_, map(1, 1) = 1.0;
+  map.block(2, 2, wiggles, wiggles).setIdentity();
   map.bottomRightCorner(shape_.nodes.size(), free) = basis_;
   const Eigen::VectorXd parameters = map * solution;
   fit.covariance = map * inverse * map.transpose();
   fit.model = shape_;
   fit.model.offset = parameters[0];
   fit.model.slope = 1.0 + parameters[1];
+  fit.model.wiggle = parameters.segment(2, wiggles);
   fit.model.nodes = parameters.tail(shape_.nodes.size());
   for (const Rows& rows : rows_) {
     fit.residual_m.push_back((rows.target - rows.design * solution).cwiseQuotient(rows.to_linear));
@@ -167,14 +215,15 @@ DepthFit DepthProblem::solveAt(const DepthScales& scales) const {
 
 DepthFit DepthProblem::solve(const DepthScales& start) const {
   // Coordinate search on the logarithms; the evidence is smooth and has one top in practice.
-  constexpr std::array<double DepthScales::*, 3> kScales = {&DepthScales::patch, &DepthScales::common_m,
-                                                            &DepthScales::lattice_m};
-  constexpr std::array<double, 3> kLeast = {1e-3, 1e-7, 1e-6}, kMost = {30.0, 0.05, 0.1};
+  constexpr std::array<double DepthScales::*, 4> kScales = {&DepthScales::patch, &DepthScales::common_m,
+                                                            &DepthScales::lattice_m, &DepthScales::wiggle_m};
+  constexpr std::array<double, 4> kLeast = {1e-3, 1e-7, 1e-6, 1e-6}, kMost = {30.0, 0.05, 0.1, 0.05};
+  const std::size_t searched = shape_.wiggle.size() > 0 ? kScales.size() : kScales.size() - 1;
   DepthFit best = solveAt(start);
   for (double factor : {4.0, 2.0, 1.4, 1.2}) {
     for (int round = 0; round < 6; ++round) {
       bool moved = false;
-      for (std::size_t i = 0; i < kScales.size(); ++i) {
+      for (std::size_t i = 0; i < searched; ++i) {
         for (const double step : {factor, 1.0 / factor}) {
           for (int repeat = 0; repeat < 12; ++repeat) {
             DepthScales trial = best.scales;
@@ -196,8 +245,9 @@ Eigen::VectorXd DepthProblem::gradient(const DepthModel& model, const Eigen::Vec
   const auto ray = model.camera.unproject(pixel);
   const double stretch = ray ? std::sqrt(1.0 + ray->squaredNorm()) : 1.0;
   const double depth = model.correct(pixel, raw_m).value_or(raw_m);
-  Eigen::VectorXd gradient(2 + model.nodes.size());
-  gradient << 1.0, linear(raw_m, stretch), nodeShares(model, pixel);
+  const double raw = linear(raw_m, stretch);
+  Eigen::VectorXd gradient(2 + model.wiggle.size() + model.nodes.size());
+  gradient << 1.0, raw, wiggleShares(model, raw), nodeShares(model, pixel);
   return gradient * (isRange(model) ? 1.0 / stretch : -depth * depth);
 }
 

@@ -108,6 +108,10 @@ void moveCamera(CalibrationResult& result, const CheckFinding& finding) {
       joint.pose = motion * joint.pose;
       joint.pose_covariance = finding.sigma.cwiseAbs2().asDiagonal();
     }
+    std::vector<JointPair>& pairs = result.joint->pairs;  // How well it stands beside the others is no longer known.
+    pairs.erase(std::remove_if(pairs.begin(), pairs.end(), [&](const JointPair& pair) {
+      return (pair.first == camera.camera) != (pair.second == camera.camera);
+    }), pairs.end());
   }
 }
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
+#include <iterator>
 #include <map>
 #include <set>
 
@@ -115,6 +116,12 @@ Box boxAround(const std::vector<Eigen::Vector3d>& places) {
   return box;
 }
 
+/// What is declared, or else what the board visited. The declared one is in the base, not on the flange.
+Box workspaceFor(const calib::JointSolution& solution, const SolveOptions& options,
+                 const std::vector<Eigen::Vector3d>& places) {
+  return options.workspace && solution.mount == Mount::kFixed ? *options.workspace : boxAround(places);
+}
+
 JointCameraResult reportOf(const std::vector<Observation>& observations, const calib::JointSolution& solution,
                            const calib::JointCamera& camera, const SolveOptions& options) {
   JointCameraResult out;
@@ -136,12 +143,31 @@ JointCameraResult reportOf(const std::vector<Observation>& observations, const c
   out.range_m = medianRange(places, camera);
   out.at_infinity = calib::projectionMap(solution, camera, calib::Anchor::kBase);
   out.at_range = calib::projectionMap(solution, camera, calib::Anchor::kBase, out.range_m);
-  const bool declared = options.workspace && solution.mount == Mount::kFixed;
-  out.workspace = calib::workspaceMap(solution, camera, declared ? *options.workspace : boxAround(places));
+  out.workspace = calib::workspaceMap(solution, camera, workspaceFor(solution, options, places));
   return out;
 }
 
+std::vector<JointPair> reportPairs(const std::vector<Observation>& observations, const calib::JointSolution& solution,
+                                   const SolveOptions& options) {
+  std::vector<JointPair> pairs;
+  for (auto first = solution.cameras.begin(); first != solution.cameras.end(); ++first) {
+    for (auto second = std::next(first); second != solution.cameras.end(); ++second) {
+      const bool both_color = first->stream == Stream::kColor && second->stream == Stream::kColor;
+      if (first->camera != second->camera && !both_color) continue;
+      std::vector<Eigen::Vector3d> places = boardPlaces(observations, solution, *first);
+      for (const Eigen::Vector3d& place : boardPlaces(observations, solution, *second)) places.push_back(place);
+      const WorkspaceMap apart =
+          calib::disagreementMap(solution, *first, *second, workspaceFor(solution, options, places));
+      const CameraPair pair = calib::cameraPairOf(solution, *first, *second);
+      pairs.push_back({first->camera, first->stream, second->camera, second->stream, pair.first_by_second,
+                       pair.covariance, apart.worst_m, apart.rms_m, apart.seen});
+    }
+  }
+  return pairs;
+}
+
 void reportCell(const calib::JointSolution& solution, JointResult& out) {
+  out.mount = solution.mount;
   out.board_pose = solution.board_pose;
   out.board_sigma = solution.sigma.segment<6>(solution.board_at);
   out.board_scale_x = solution.board.scale_x;
@@ -217,6 +243,7 @@ JointAnswer tryJointly(const BoardSpec& board, const std::vector<Observation>& o
   for (const calib::JointCamera& camera : solution.cameras) {
     out.cameras.push_back(reportOf(observations, solution, camera, options));
   }
+  out.pairs = reportPairs(observations, solution, options);
   const auto halves = calib::compareHalves(board, observations, chosen.options, solution);
   for (std::size_t i = 0; i < halves.size(); ++i) out.cameras[i].halves = halves[i];
   reportCell(solution, out);

@@ -163,14 +163,6 @@ std::string infraredText(const CameraResult& camera) {
   return text;
 }
 
-/// Of all cameras of the joint estimate.
-Mount mountOf(const CalibrationResult& result) {
-  for (const CameraResult& camera : result.cameras) {
-    if (camera.hand_eye) return camera.hand_eye->mount;
-  }
-  return Mount::kFixed;
-}
-
 std::string jointCameraText(const JointCameraResult& camera, Mount mount) {
   const bool fixed = mount == Mount::kFixed;
   std::string text = format("  %s %s, %d views, corner noise %.2f times what the detector claims\n",
@@ -199,10 +191,22 @@ std::string jointCameraText(const JointCameraResult& camera, Mount mount) {
   return text;
 }
 
-std::string jointText(const JointResult& joint, Mount mount) {
+std::string jointPairText(const JointPair& pair) {
+  const bool one_camera = pair.first == pair.second;
+  const std::string what = one_camera ? pair.first + ": " + toString(pair.second_stream) + " in " + toString(pair.first_stream)
+                                      : pair.second + " in " + pair.first;
+  const std::string text = poseText(what.c_str(), pair.first_by_second, pair.covariance.diagonal().cwiseSqrt());
+  if (pair.seen == 0) return text;
+  return text + format("    a point of the workspace is the same in both to %.2f mm in the mean, %.2f mm at worst\n",
+                       pair.rms_m * 1e3, pair.worst_m * 1e3);
+}
+
+std::string jointText(const JointResult& joint) {
   std::string text = "Joint estimate: all cameras, board and robot at once\n";
-  for (const JointCameraResult& camera : joint.cameras) text += jointCameraText(camera, mount);
-  text += poseText(mount == Mount::kFixed ? "board on flange (eMo)" : "board in base (bMo)", joint.board_pose,
+  for (const JointCameraResult& camera : joint.cameras) text += jointCameraText(camera, joint.mount);
+  if (!joint.pairs.empty()) text += "  Beside each other\n";
+  for (const JointPair& pair : joint.pairs) text += jointPairText(pair);
+  text += poseText(joint.mount == Mount::kFixed ? "board on flange (eMo)" : "board in base (bMo)", joint.board_pose,
                    joint.board_sigma);
   text += format("  Board: print %.3f %% (x) and %.3f %% (y) of its stated size, bowed by %.2f mm and %.2f mm\n",
                  joint.board_scale_x * 100, joint.board_scale_y * 100, joint.board_bow_x_m * 1e3,
@@ -272,7 +276,7 @@ std::string summary(const CalibrationResult& result) {
             format("    %s views, residual %.3f px RMS\n", usedOfFound(pair.views).c_str(), pair.rms_px) +
             rejectedText(pair.views);
   }
-  if (result.joint) text += jointText(*result.joint, mountOf(result));
+  if (result.joint) text += jointText(*result.joint);
   if (!result.joint_problem.empty()) text += "Joint estimate: none. " + result.joint_problem + "\n";
   text += format("%d observations", result.observations);
   if (result.motion_time_s > 0) {

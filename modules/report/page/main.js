@@ -163,6 +163,11 @@ function jointSection() {
       ['points of the workspace ±, mm', (row) => `${row.workspace_rms_mm}, worst ${row.workspace_worst_mm}`, true],
       ['its two halves differ by (claimed), px', (row) => (row.halves ? `${row.halves.rms_px} (${row.halves.claimed_px})` : '–'), true]], joint.cameras),
     element('p', {class: 'remark'}, 'Halves: the estimate from every other stop against that from the rest. Good is no more than is claimed; far more says that lens, board or arm are described wrongly, which no residual shows.')];
+  if (joint.pairs.length) {
+    parts.push(table([['one beside the other', (row) => `${row.first}, ${row.second}`], ['apart, mm', (row) => row.apart_mm, true],
+      ['place ±, mm', (row) => row.place_sigma_mm, true], ['direction ±, deg', (row) => row.direction_sigma_deg, true],
+      ['a point of the workspace in both ±, mm', (row) => (row.seen ? `${row.rms_mm}, worst ${row.worst_mm}` : '–'), true]], joint.pairs));
+  }
   if (joint.goals) {
     parts.push(element('p', {}, `Views were chosen by information, until every pixel is known to ${joint.goals.worst_px} px and every point of the workspace to ${joint.goals.workspace_worst_mm} mm, in at most ${joint.goals.max_views} stops and ${joint.goals.max_time_s} s.`));
   }

@@ -222,7 +222,7 @@ Json pairData(const CameraPair& pair, const std::string& first, const std::strin
           {"views", viewsTree(pair.views)}};
 }
 
-Json cameraData(const ReportInput& input, const CameraResult& camera) {
+Json cameraData(const ReportInput& input, const CameraResult& camera, const CameraResult& best) {
   Json tree = {{"name", camera.camera},
                {"notes", camera.notes},
                {"streams", Json::array({streamTree(input, camera, Stream::kColor, camera.intrinsics)})}};
@@ -238,8 +238,8 @@ Json cameraData(const ReportInput& input, const CameraResult& camera) {
     tree["combined_views"] = camera.combined_views;
   }
   if (camera.depth) tree["depth"] = depthTree(input, camera);
-  if (const auto overlay = overlayCorners(input, camera); !overlay.empty())
-    tree["overlay"] = overlayTree(input, camera, overlay);
+  if (const auto overlay = overlayCorners(input, best); !overlay.empty())
+    tree["overlay"] = overlayTree(input, best, overlay);
   if (camera.held_out) {
     tree["held_out"] = {{"views", camera.held_out->views},
                         {"rms_px", rounded(camera.held_out->rms_px, 3)},

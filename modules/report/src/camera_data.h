@@ -8,8 +8,9 @@
 
 namespace servocal::report {
 
-/// One camera of report.json.
-Json cameraData(const ReportInput& input, const CameraResult& camera);
+/// One camera of report.json. `best` is the same with the numbers to work with (bestEstimate), of which color and depth are
+/// drawn together.
+Json cameraData(const ReportInput& input, const CameraResult& camera, const CameraResult& best);
 
 /// How a camera stands beside another.
 Json pairData(const CameraPair& pair, const std::string& first, const std::string& second);

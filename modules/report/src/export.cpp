@@ -8,13 +8,21 @@
 #include <system_error>
 
 #include "formats.h"
+#include "servocal/core/best_estimate.h"
 #include "servocal/core/error.h"
 #include "servocal/session/session.h"
 
 namespace servocal::report {
 namespace {
 
-Export exportJson(const CalibrationResult& result, const ExportOptions&) {
+/// What the numbers are; half a sentence per file would be too much.
+std::string estimateNote(const CalibrationResult& result) {
+  if (result.joint) return "lenses and poses are those of the joint estimate";
+  return "lenses and poses are those found in stages" +
+         (result.joint_problem.empty() ? std::string() : "; there is no joint estimate: " + result.joint_problem);
+}
+
+Export exportJson(const CalibrationResult& result) {
   Export exported = complete();
   exported.files.push_back({"result.json", session::resultJson(result)});
   exported.notes.emplace_back("result.json is the whole result; docs/result-schema.md explains every key");
@@ -33,7 +41,7 @@ Exporter exporterOf(Format format) {
     case Format::kMrcal: return exportMrcal;
     case Format::kIaiKinect2: return exportIaiKinect2;
     case Format::kColmap: return exportColmap;
-    case Format::kJson: return exportJson;
+    case Format::kJson: break;  // Holds the result as it is.
   }
   throw std::invalid_argument("unknown export format");
 }
@@ -85,7 +93,10 @@ Export exportResult(const CalibrationResult& result, Format format, const Export
     }
   }
   if (result.cameras.empty()) return refused("the result has no camera");
-  return exporterOf(format)(result, options);
+  if (format == Format::kJson) return exportJson(result);
+  Export exported = exporterOf(format)(bestEstimate(result), options);
+  if (exported.status == ExportStatus::kComplete) exported.notes.push_back(estimateNote(result));
+  return exported;
 }
 
 void writeExport(const Export& exported, const std::filesystem::path& folder) {

@@ -42,6 +42,18 @@ Json cameraTree(const JointCameraResult& camera) {
   return tree;
 }
 
+Json pairTree(const JointPair& pair) {
+  const Eigen::Matrix<double, 6, 1> sigma = pair.covariance.diagonal().cwiseSqrt();
+  return {{"first", pair.first + " " + toString(pair.first_stream)},
+          {"second", pair.second + " " + toString(pair.second_stream)},
+          {"apart_mm", rounded(pair.first_by_second.translation().norm() * 1e3, 1)},
+          {"place_sigma_mm", rounded(sigma.head<3>().norm() * 1e3, 3)},
+          {"direction_sigma_deg", rounded(sigma.tail<3>().norm() * kDegPerRad, 4)},
+          {"worst_mm", rounded(pair.worst_m * 1e3, 3)},
+          {"rms_mm", rounded(pair.rms_m * 1e3, 3)},
+          {"seen", pair.seen}};
+}
+
 }  // namespace
 
 Json jointData(const JointResult& joint, const std::optional<PlannerConfig>& goals) {
@@ -50,6 +62,7 @@ Json jointData(const JointResult& joint, const std::optional<PlannerConfig>& goa
                {"faults", joint.faults},
                {"notes", joint.notes},
                {"cameras", Json::array()},
+               {"pairs", Json::array()},
                {"board",
                 {{"scale_x", rounded(joint.board_scale_x, 6)},
                  {"scale_y", rounded(joint.board_scale_y, 6)},
@@ -62,6 +75,7 @@ Json jointData(const JointResult& joint, const std::optional<PlannerConfig>& goa
                  {"declared_sigma_deg", rounded(joint.declared_sigma_rad * kDegPerRad, 4)},
                  {"terms", Json::array()}}}};
   for (const JointCameraResult& camera : joint.cameras) tree["cameras"].push_back(cameraTree(camera));
+  for (const JointPair& pair : joint.pairs) tree["pairs"].push_back(pairTree(pair));
   for (const auto& [name, value] : joint.robot_terms)
     tree["robot"]["terms"].push_back({{"name", name}, {"value", rounded(value, 7)}});
   if (goals) {

@@ -10,6 +10,7 @@
 #include "json.h"
 #include "next_steps.h"
 #include "number_text.h"
+#include "servocal/core/best_estimate.h"
 #include "servocal/core/cell_config.h"
 #include "servocal/core/error.h"
 #include "servocal/report/report.h"
@@ -204,7 +205,9 @@ std::string reportJson(const ReportInput& input) {
                {"provenance", provenanceTree(input)}};
   if (result.joint) tree["joint"] = jointData(*result.joint, goalsOf(input));
   tree["joint_problem"] = result.joint_problem;
-  for (const CameraResult& camera : result.cameras) tree["cameras"].push_back(cameraData(input, camera));
+  const CalibrationResult best = bestEstimate(result);
+  for (std::size_t i = 0; i < result.cameras.size(); ++i)
+    tree["cameras"].push_back(cameraData(input, result.cameras[i], best.cameras[i]));
   return tree.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 

@@ -30,6 +30,13 @@ DepthRectifier::DepthRectifier(const DepthModel& depth, const CameraModel& color
   }
   if (!cMi.isFinite() || !(unit_m > 0.0)) throw std::invalid_argument("cMi is not finite or the unit not positive");
   const Eigen::Matrix3d cRi = cMi.rotation();
+  unit_m_ = static_cast<float>(unit_m);
+  if (depth.wiggle.size() > 0) {
+    for (const double node : depth.wiggle) wiggle_.push_back(static_cast<float>(node));
+    wiggle_.push_back(wiggle_.back());  // so that the last node has a neighbor
+    wiggle_from_ = static_cast<float>(depth.wiggle_from_m);
+    wiggle_per_m_ = static_cast<float>((depth.wiggle.size() - 1) / (depth.wiggle_to_m - depth.wiggle_from_m));
+  }
   for (int i = 0; i < 3; ++i) origin_[i] = static_cast<float>(cMi.translation()[i]);
   rays_.resize(static_cast<std::size_t>(width_) * height_);
   for (int row = 0; row < height_; ++row) {
@@ -43,6 +50,7 @@ DepthRectifier::DepthRectifier(const DepthModel& depth, const CameraModel& color
       const double lattice = depth.lattice(pixel);
       if (sensor_ == DepthSensor::kTimeOfFlight) {
         ray.gain = static_cast<float>(depth.slope * unit_m);
+        ray.stretch = static_cast<float>(along->homogeneous().norm());
         ray.offset = static_cast<float>((depth.offset + lattice) / along->homogeneous().norm());
       } else {
         ray.gain = static_cast<float>(depth.slope / unit_m);
@@ -98,11 +106,18 @@ void DepthRectifier::check(const cv::Mat& raw) const {
   }
 }
 
+float DepthRectifier::wiggling(float range) const {
+  const float at = std::clamp((range - wiggle_from_) * wiggle_per_m_, 0.0F, static_cast<float>(wiggle_.size() - 2));
+  const auto node = static_cast<std::size_t>(at);
+  const float beyond = at - static_cast<float>(node);
+  return (1 - beyond) * wiggle_[node] + beyond * wiggle_[node + 1];
+}
+
 float DepthRectifier::correct(const Ray& ray, std::uint16_t count) const {
   if (count == 0 || ray.gain == 0.0F) return 0.0F;
-  const float depth = sensor_ == DepthSensor::kTimeOfFlight
-                          ? ray.offset + ray.gain * static_cast<float>(count)
-                          : 1.0F / (ray.offset + ray.gain / static_cast<float>(count));
+  const auto raw = static_cast<float>(count);
+  float depth = sensor_ == DepthSensor::kTimeOfFlight ? ray.offset + ray.gain * raw : 1.0F / (ray.offset + ray.gain / raw);
+  if (!wiggle_.empty()) depth += wiggling(raw * unit_m_ * ray.stretch) / ray.stretch;
   return depth > 0.0F && depth < kFarthest_m ? depth : 0.0F;
 }
 

@@ -105,6 +105,11 @@ Json depthTree(const DepthResult& depth, const std::optional<IntrinsicsResult>& 
                {"views", depth.views},
                {"patches", depth.patches},
                {"notes", depth.notes}};
+  if (model.wiggle.size() > 0) {
+    tree["wiggle"] = list(model.wiggle);
+    tree["wiggle_from_m"] = model.wiggle_from_m;
+    tree["wiggle_to_m"] = model.wiggle_to_m;
+  }
   if (!infrared || !sameModel(infrared->camera, model.camera))
     tree["camera"] = cameraModelTree(model.camera, {});
   return tree;
@@ -180,7 +185,7 @@ Json resultTree(const CalibrationResult& result) {
   for (const CameraResult& camera : result.cameras) tree["cameras"].push_back(cameraTree(camera));
   for (const CameraPair& pair : result.camera_pairs)
     tree["camera_pairs"].push_back(pairTree(pair, cameraPairNames(pair.first, pair.second)));
-  if (result.joint) tree["joint"] = jointTree(*result.joint, jointMount(result));
+  if (result.joint) tree["joint"] = jointTree(*result.joint);
   if (!result.joint_problem.empty()) tree["joint_problem"] = result.joint_problem;
   return tree;
 }

@@ -35,11 +35,28 @@ Json cameraTree(const JointCameraResult& camera, Mount mount) {
   return tree;
 }
 
+Json pairTree(const JointPair& pair) {
+  return {{"first", pair.first},
+          {"first_stream", toString(pair.first_stream)},
+          {"second", pair.second},
+          {"second_stream", toString(pair.second_stream)},
+          {"pose", poseTree(jointPairNames(pair), pair.first_by_second, pair.covariance.diagonal().cwiseSqrt())},
+          {"covariance", matrix(pair.covariance)},
+          {"worst_m", pair.worst_m},
+          {"rms_m", pair.rms_m},
+          {"seen", pair.seen}};
+}
+
 }  // namespace
 
-Json jointTree(const JointResult& joint, Mount mount) {
-  Json tree = {{"model", joint.model}, {"cameras", Json::array()}};
+Json jointTree(const JointResult& joint) {
+  const Mount mount = joint.mount;
+  Json tree = {{"mount", mount == Mount::kFixed ? "fixed" : "flange"},
+               {"model", joint.model},
+               {"cameras", Json::array()},
+               {"pairs", Json::array()}};
   for (const JointCameraResult& camera : joint.cameras) tree["cameras"].push_back(cameraTree(camera, mount));
+  for (const JointPair& pair : joint.pairs) tree["pairs"].push_back(pairTree(pair));
   tree["board"] = {{"pose", poseTree(boardPoseNames(mount), joint.board_pose, joint.board_sigma)},
                    {"scale_x", joint.board_scale_x},
                    {"scale_y", joint.board_scale_y},

@@ -40,12 +40,32 @@ WorkspaceMap readWorkspace(const ConfigReader& tree) {
   return map;
 }
 
+Stream readStream(const ConfigReader& tree, const char* key) {
+  return tree.choice(key, {toString(Stream::kColor), toString(Stream::kInfrared)}) == 0 ? Stream::kColor
+                                                                                        : Stream::kInfrared;
+}
+
+JointPair readPair(const ConfigReader& tree) {
+  JointPair pair;
+  tree.has("first_stream");  // so that a missing first is not taken for it misspelled; second likewise
+  tree.has("second_stream");
+  pair.first = tree.text("first");
+  pair.first_stream = readStream(tree, "first_stream");
+  pair.second = tree.text("second");
+  pair.second_stream = readStream(tree, "second_stream");
+  pair.first_by_second = readPose(tree.section("pose"), jointPairNames(pair)).pose;
+  pair.covariance = tree.matrix("covariance", 6, 6, kNumber);
+  pair.worst_m = tree.number("worst_m", kNumber);
+  pair.rms_m = tree.number("rms_m", kNumber);
+  pair.seen = tree.integer("seen", kCount);
+  tree.finish();
+  return pair;
+}
+
 JointCameraResult readCamera(const ConfigReader& tree, Mount mount) {
   JointCameraResult camera;
   camera.camera = tree.text("camera");
-  camera.stream = tree.choice("stream", {toString(Stream::kColor), toString(Stream::kInfrared)}) == 0
-                      ? Stream::kColor
-                      : Stream::kInfrared;
+  camera.stream = readStream(tree, "stream");
   ReadModel model = readModel(tree, true);
   camera.model = std::move(model.camera);
   camera.sigma = std::move(model.sigma);
@@ -99,9 +119,14 @@ void readRobot(const ConfigReader& tree, JointResult& joint) {
 
 JointResult readJoint(const ConfigReader& tree, Mount mount) {
   JointResult joint;
+  if (tree.has("mount")) mount = tree.choice("mount", {"fixed", "flange"}) == 0 ? Mount::kFixed : Mount::kFlange;
+  joint.mount = mount;
   joint.model = tree.text("model");
   for (const ConfigReader& camera : tree.sections("cameras"))
     joint.cameras.push_back(readCamera(camera, mount));
+  if (tree.has("pairs")) {
+    for (const ConfigReader& pair : tree.sections("pairs")) joint.pairs.push_back(readPair(pair));
+  }
   readBoard(tree.section("board"), mount, joint);
   readRobot(tree.section("robot"), joint);
   joint.open = tree.texts("open");

@@ -32,8 +32,8 @@ inline PoseNames cameraPoseNames(Mount mount, const std::string& camera, Stream 
   return {std::string(fixed ? "bM" : "eM") + (stream == Stream::kColor ? "c" : "i"),
           fixed ? "base" : "end_effector", camera + "_" + toString(stream)};
 }
-/// Of all cameras of the joint estimate: that of the hand-eye, without which there is none.
-inline Mount jointMount(const CalibrationResult& result) {
+/// Of a joint estimate that does not say it (files before 2026-11-29): that of the hand-eye.
+inline Mount mountOfHandEye(const CalibrationResult& result) {
   for (const CameraResult& camera : result.cameras) {
     if (camera.hand_eye) return camera.hand_eye->mount;
   }
@@ -48,6 +48,11 @@ inline PoseNames cameraPairNames(const std::string& first, const std::string& se
 }
 inline PoseNames colorInfraredNames(const std::string& camera) {
   return {"cMi", camera + "_color", camera + "_infrared"};
+}
+
+inline PoseNames jointPairNames(const JointPair& pair) {
+  return {"first_by_second", pair.first + "_" + toString(pair.first_stream),
+          pair.second + "_" + toString(pair.second_stream)};
 }
 
 inline bool sameModel(const CameraModel& a, const CameraModel& b) {

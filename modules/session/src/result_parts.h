@@ -34,7 +34,7 @@ struct ReadPose {
 };
 ReadPose readPose(const ConfigReader& tree, const PoseNames& names);
 
-/// The section `joint`.
+/// The section `joint`; `mount` where it does not say it.
 JointResult readJoint(const ConfigReader& tree, Mount mount);
 
 }  // namespace servocal::session

@@ -139,6 +139,14 @@ DepthResult readDepth(const ConfigReader& tree, const std::optional<IntrinsicsRe
   model.nodes_x = tree.integer("nodes_x", {2, 1000});
   model.nodes_y = tree.integer("nodes_y", {2, 1000});
   model.nodes = vectorOf(tree, "nodes", static_cast<std::size_t>(model.nodes_x * model.nodes_y));
+  if (tree.has("wiggle")) {
+    tree.has("wiggle_to_m");  // so that a missing wiggle_from_m is not taken for it misspelled
+    model.wiggle = vectorOf(tree, "wiggle");
+    model.wiggle_from_m = tree.number("wiggle_from_m", {});
+    model.wiggle_to_m = tree.number("wiggle_to_m", {});
+    if (model.wiggle.size() < 2 || !(model.wiggle_to_m > model.wiggle_from_m))
+      tree.fail("wiggle", "'wiggle' must hold at least two numbers, from 'wiggle_from_m' to a larger 'wiggle_to_m'");
+  }
   model.near_m = tree.number("near_m", kNumber);
   model.far_m = tree.number("far_m", kNumber);
   depth.rms_before_m = tree.number("rms_before_m", kNumber);
@@ -274,7 +282,7 @@ CalibrationResult readResult(const ConfigReader& tree) {
       result.camera_pairs.push_back(readPair(pair, first, second, cameraPairNames(first, second)));
     }
   }
-  if (const auto section = tree.optionalSection("joint")) result.joint = readJoint(*section, jointMount(result));
+  if (const auto section = tree.optionalSection("joint")) result.joint = readJoint(*section, mountOfHandEye(result));
   result.joint_problem = tree.text("joint_problem", "");
   tree.finish();
   return result;

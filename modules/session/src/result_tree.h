@@ -21,6 +21,6 @@ Json poseTree(const PoseNames& names, const Eigen::Isometry3d& pose,
               const Eigen::Matrix<double, 6, 1>& sigma);
 
 /// The section `joint`. Its cameras are all on one mount.
-Json jointTree(const JointResult& joint, Mount mount);
+Json jointTree(const JointResult& joint);
 
 }  // namespace servocal::session

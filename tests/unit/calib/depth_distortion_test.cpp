@@ -153,6 +153,67 @@ TEST_P(SolveDepth, SigmasAreTheSpread) {
   for (int k = 0; k < 3; ++k) EXPECT_GT(squares[k], 0.3) << k;
 }
 
+/// Views whose board poses are known to 0.2 mm, as robot and images together know them.
+DepthOutcome solveKnowingTheBoards(DepthScene scene, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  DepthOptions options;
+  options.board_pose_sigma_m = 2e-4;
+  options.board_pose_sigma_rad = 2e-4;
+  for (std::size_t i = 0; i < scene.observations.size(); ++i) {
+    const auto disturbed = test::disturbed(scene.cell.cMo[i], random, 2e-4, 2e-4);
+    options.board_poses.emplace(scene.observations[i].id, relabel<Infrared, Board>(disturbed));
+  }
+  return solve(scene, options);
+}
+
+TEST(SolveDepthOfTimeOfFlight, FollowsTheWiggle) {
+  double squares_m2 = 0.0, straight_m2 = 0.0, squares_z = 0.0;
+  constexpr int kSeeds = 8;
+  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    const DepthScene scene =
+        test::makeDepthScene(seed, test::wigglingTimeOfFlight(), cellViews(60), {0.15, 4e-4, 1e-4});
+    const DepthOutcome outcome = solveKnowingTheBoards(scene, seed);
+    ASSERT_EQ(outcome.status, DepthStatus::kSolved) << outcome.reason;
+    const DepthModel& model = outcome.result->model;
+    ASSERT_GT(model.wiggle.size(), 0);
+    squares_m2 += std::pow(test::correctionError(model, scene.truth, 0.6, 1.05), 2) / kSeeds;
+    DepthModel straight = model;  // The line through it where the boards were.
+    Eigen::MatrixXd line(20, 2);
+    Eigen::VectorXd along(20);
+    for (int k = 0; k < 20; ++k) {
+      line.row(k) << 1.0, 0.55 + 0.03 * k;
+      along[k] = model.wiggling(0.55 + 0.03 * k);
+    }
+    const Eigen::Vector2d through = line.colPivHouseholderQr().solve(along);
+    straight.offset += through[0], straight.slope += through[1], straight.wiggle.resize(0);
+    straight_m2 += std::pow(test::correctionError(straight, scene.truth, 0.6, 1.05), 2) / kSeeds;
+    const Eigen::Vector2d middle(0.5 * 511, 0.5 * 423);
+    for (Eigen::Index k = 0; k < 3; ++k) {
+      const double raw_m = outcome.result->sigma_at_m[k];
+      const double error_m = *model.correct(middle, raw_m) - *scene.truth.correct(middle, raw_m);
+      squares_z += std::pow(error_m / outcome.result->sigma_m[k], 2) / (3 * kSeeds);
+    }
+  }
+  std::cout << "error " << 1e3 * std::sqrt(squares_m2) << " mm, without the wiggle " << 1e3 * std::sqrt(straight_m2)
+            << " mm, over claim " << std::sqrt(squares_z) << '\n';
+  EXPECT_LT(std::sqrt(squares_m2), 3.5e-4);  // Of which most is the lattice.
+  EXPECT_LT(std::sqrt(squares_m2), 0.75 * std::sqrt(straight_m2));
+  EXPECT_LT(std::sqrt(squares_z), 1.5);
+}
+
+TEST(SolveDepthOfTimeOfFlight, HasNoWiggleWhereThereIsNone) {
+  double squares_m2 = 0.0;
+  constexpr int kSeeds = 8;
+  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    const DepthScene scene = test::makeDepthScene(seed, test::timeOfFlight(), cellViews(60), {0.15, 4e-4, 1e-4});
+    const DepthOutcome outcome = solveKnowingTheBoards(scene, seed);
+    ASSERT_EQ(outcome.status, DepthStatus::kSolved) << outcome.reason;
+    for (double range_m = 0.5; range_m < 1.2; range_m += 0.05)
+      squares_m2 += std::pow(outcome.result->model.wiggling(range_m), 2) / (15 * kSeeds);
+  }
+  EXPECT_LT(std::sqrt(squares_m2), 1e-4);
+}
+
 INSTANTIATE_TEST_SUITE_P(Sensors, SolveDepth,
                          testing::Values(DepthSensor::kTimeOfFlight, DepthSensor::kStructuredLight),
                          [](const auto& sensor) { return std::string(sensor.param == DepthSensor::kTimeOfFlight

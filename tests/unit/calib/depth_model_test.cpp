@@ -46,6 +46,22 @@ TEST(DepthModel, TimeOfFlightCorrectsRange) {
   EXPECT_NEAR(*depth.correct({0, 0}, 0.8), (-0.03 + 1.01 * 0.8 * stretch + 0.001) / stretch, 1e-12);
 }
 
+TEST(DepthModel, WigglingIsLinearBetweenItsNodesAndConstantBeyond) {
+  DepthModel depth = model(DepthSensor::kTimeOfFlight);
+  EXPECT_EQ(depth.wiggling(0.8), 0.0);
+  const double without = depth.correct({0, 0}, 0.6).value();
+  depth.wiggle = Eigen::Vector3d(0.001, 0.003, -0.001);
+  depth.wiggle_from_m = 0.5;
+  depth.wiggle_to_m = 0.9;
+  EXPECT_DOUBLE_EQ(depth.wiggling(0.3), 0.001);
+  EXPECT_NEAR(depth.wiggling(0.6), 0.002, 1e-15);
+  EXPECT_NEAR(depth.wiggling(0.85), 0.0, 1e-15);
+  EXPECT_DOUBLE_EQ(depth.wiggling(2.0), -0.001);
+  const double x = 50.0 / depth.camera.fx(), y = 40.0 / depth.camera.fy();
+  const double stretch = std::sqrt(1.0 + x * x + y * y);
+  EXPECT_NEAR(depth.correct({0, 0}, 0.6).value() - without, depth.wiggling(0.6 * stretch) / stretch, 1e-12);
+}
+
 TEST(DepthModel, NoDepthGivesNone) {
   DepthModel depth = model(DepthSensor::kStructuredLight);
   EXPECT_FALSE(depth.correct({10, 10}, 0.0));

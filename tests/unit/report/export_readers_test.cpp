@@ -90,11 +90,17 @@ cv::Mat matrixIn(const std::filesystem::path& file, const std::string& key) {
   return matrix;
 }
 
+CalibrationResult inStages(int cameras) {
+  CalibrationResult result = test::RandomResult(3).make(cameras);
+  result.joint.reset();
+  return result;
+}
+
 class Readers : public ::testing::Test {
  protected:
   /// cam1 has the five-coefficient lens, cam2 the rational one and a structured-light depth; both stand in
   /// the cell.
-  CalibrationResult result_ = test::RandomResult(3).make(2);
+  CalibrationResult result_ = inStages(2);
   const test::TemporaryFolder folder_;
 
   Export write(Format format) {
@@ -424,7 +430,7 @@ TEST_F(Readers, Colmap) {
 }
 
 TEST_F(Readers, IaiKinect2) {
-  result_ = test::RandomResult(3).make(1);
+  result_ = inStages(1);
   write(Format::kIaiKinect2);
   const auto matrix = [&](const std::string& file, const char* key) {
     return matrixIn(folder_ / ("cam1/" + file), key);
@@ -465,7 +471,7 @@ TEST_F(Readers, IaiKinect2) {
 }
 
 TEST_F(Readers, EasyHandEye2) {
-  result_ = test::RandomResult(3).make(3);
+  result_ = inStages(3);
   write(Format::kEasyHandEye2);
   for (const CameraResult& camera : result_.cameras) {
     const YAML::Node file = YAML::LoadFile((folder_ / (camera.camera + ".calib")).string());

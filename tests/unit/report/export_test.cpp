@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdio>
 #include <fstream>
 #include <map>
 #include <set>
@@ -20,7 +21,12 @@ namespace {
 
 using test::expectPart;
 
-CalibrationResult example(int cameras = 2) { return test::RandomResult(3).make(cameras); }
+/// Solved in stages alone.
+CalibrationResult example(int cameras = 2) {
+  CalibrationResult result = test::RandomResult(3).make(cameras);
+  result.joint.reset();
+  return result;
+}
 
 std::string textOf(const Export& exported, const std::string& name) {
   for (const ExportedFile& file : exported.files) {
@@ -130,6 +136,25 @@ TEST(StaticTf, ACameraWithoutHandEyeHangsFromTheOneItWasCalibratedWith) {
   for (CameraResult& camera : result.cameras) camera.hand_eye.reset();
   EXPECT_EQ(exportResult(result, Format::kOpenCv).status, ExportStatus::kComplete);  // lenses need no pose
   EXPECT_EQ(exportResult(result, Format::kEasyHandEye2).status, ExportStatus::kRefused);
+}
+
+TEST(Export, LensesAndPosesAreThoseOfTheJointEstimate) {
+  const CalibrationResult result = test::RandomResult(3).make(1);
+  const JointCameraResult &color = *result.joint->find("cam1", Stream::kColor),
+                          &infrared = *result.joint->find("cam1", Stream::kInfrared);
+  const auto tf = published(exportResult(result, Format::kRos2StaticTf));
+  EXPECT_LT(apart(tf.at("cam1_link").pose * tf.at("cam1_color_optical_frame").pose, color.pose), 1e-14);
+  EXPECT_LT(apart(tf.at("cam1_infrared_optical_frame").pose, result.joint->pairs[0].first_by_second), 1e-14);
+  const Export lenses = exportResult(result, Format::kRosCameraInfo);
+  const auto number = [](double value) {
+    char text[40];
+    std::snprintf(text, sizeof text, "%.17g", value);
+    return std::string(text);
+  };
+  expectPart(textOf(lenses, "cam1_color.yaml"), number(color.model.fx()));
+  expectPart(textOf(lenses, "cam1_infrared.yaml"), number(infrared.model.fx()));
+  expectPart(lenses.notes.back(), "joint estimate");
+  expectPart(exportResult(example(1), Format::kRosCameraInfo).notes.back(), "found in stages");
 }
 
 // What a format cannot hold is refused with the reason, never truncated.

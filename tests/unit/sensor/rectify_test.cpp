@@ -35,7 +35,7 @@ cv::Mat rawPlane(const DepthModel& sensor, const Eigen::Vector3d& normal, double
 class Rectify : public testing::TestWithParam<DepthSensor> {
  protected:
   DepthModel model() const {
-    return GetParam() == DepthSensor::kTimeOfFlight ? test::timeOfFlight() : test::structuredLight();
+    return GetParam() == DepthSensor::kTimeOfFlight ? test::wigglingTimeOfFlight() : test::structuredLight();
   }
 };
 

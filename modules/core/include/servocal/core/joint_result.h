@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "servocal/core/camera_model.h"
+#include "servocal/core/cell_config.h"
 #include "servocal/core/observation.h"
 
 namespace servocal {
@@ -59,6 +60,20 @@ struct JointCameraResult {
   std::optional<JointHalves> halves;  ///< Nothing if either half of the stops is too few.
 };
 
+/// Where one stream's camera stands beside another's. What both poses have wrong alike is in neither number.
+struct JointPair {
+  std::string first;
+  Stream first_stream = Stream::kColor;
+  std::string second;
+  Stream second_stream = Stream::kColor;
+  Eigen::Isometry3d first_by_second;  ///< Pose of the second in the first: takes points of the second to the first, m.
+  Eigen::Matrix<double, 6, 6> covariance;  ///< Of its origin (m), then of a turn about it (rad), along the axes of the
+                                           ///< first.
+  double worst_m = 0.0;  ///< How far apart both have a point of the workspace that both see, lenses included: length of
+  double rms_m = 0.0;    ///< the standard deviation, at the worst place and over all of them.
+  int seen = 0;          ///< Places that both see.
+};
+
 /// Prediction of views that no solver saw, the robot believed, against what was claimed.
 struct JointHeldOut {
   int views = 0;
@@ -70,7 +85,9 @@ struct JointHeldOut {
 
 /// The joint maximum-likelihood estimate of a whole cell: calib::solveJoint and what follows from it.
 struct JointResult {
+  Mount mount = Mount::kFixed;              ///< Of all cameras.
   std::vector<JointCameraResult> cameras;   ///< By camera name, then stream.
+  std::vector<JointPair> pairs;             ///< Color and infrared of each camera, and the color streams of every two.
   Eigen::Isometry3d board_pose;             ///< eMo; bMo if the cameras are on the flange.
   Eigen::Matrix<double, 6, 1> board_sigma;  ///< Of its origin (m), then of a turn about it (rad).
   double board_scale_x = 1.0;               ///< Print over its description.
@@ -89,6 +106,9 @@ struct JointResult {
   std::vector<std::string> faults;  ///< Who is to blame for what does not fit; a sentence each.
   std::vector<std::string> notes;   ///< What else a person should know, a sentence each.
   std::optional<JointHeldOut> held_out;
+
+  /// Nothing if the joint estimate does not have that stream.
+  const JointCameraResult* find(const std::string& camera, Stream stream) const;
 };
 
 }  // namespace servocal

@@ -58,7 +58,8 @@ struct Export {
       notes;  ///< For the operator: which frame is where, and what was approximated, how well.
 };
 
-/// A calibration in another program's format: every camera, color and infrared, numbers with 17 digits.
+/// A calibration in another program's format: every camera, color and infrared, numbers with 17 digits. They are those
+/// of bestEstimate(); kJson alone holds the result as it is.
 ///
 /// Exact wherever the format can hold the lens. Where it cannot, the export is refused with the reason
 /// (Kalibr has no k3), unless approximating is the only way (ViSP has one distortion coefficient, iai_kinect2

@@ -40,10 +40,12 @@ class DepthRectifier {
     float direction[3];
     float gain = 0.0F;     ///< Corrected = offset + gain * raw (range), or 1 / (offset + gain / raw); 0: no ray.
     float offset = 0.0F;
+    float stretch = 1.0F;    ///< Range over depth.
     float half_px = 0.5F;  ///< Half the distance to its neighbors, in color pixels, seen from equally far.
   };
 
   float correct(const Ray& ray, std::uint16_t count) const;
+  float wiggling(float range) const;
   void check(const cv::Mat& raw) const;
 
   DepthSensor sensor_;
@@ -51,6 +53,8 @@ class DepthRectifier {
   CameraModel color_;
   float origin_[3];
   std::vector<Ray> rays_;
+  std::vector<float> wiggle_;  ///< DepthModel::wiggle, one more of the last at its end; empty: none.
+  float wiggle_from_ = 0.0F, wiggle_per_m_ = 0.0F, unit_m_ = 0.0F;
   /// Lens of the color camera as a table: its pixel by normalized coordinates on a grid, bilinear.
   struct LensTable {
     float min_x = 0, min_y = 0, per_x = 0, per_y = 0;
