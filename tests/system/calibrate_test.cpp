@@ -115,6 +115,9 @@ TEST(Calibrate, ThreeRgbdCamerasInOneRun) {
   ASSERT_EQ(pair->corrected.size(), 5u);
   EXPECT_LT(meanSizeM(pair->corrected), 0.002);
   EXPECT_GT(meanSizeM(pair->raw), 2 * meanSizeM(pair->corrected));
+  // As programs use the result: lenses and poses of the joint estimate, on which the depth stands.
+  ASSERT_EQ(pair->best.size(), 5u);
+  EXPECT_LT(meanSizeM(pair->best), 0.0007);
 
   // Negative control: a camera 5 mm aside shows.
   CalibrationResult moved = trial.result;

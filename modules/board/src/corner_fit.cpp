@@ -250,7 +250,10 @@ std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess
   const Eigen::Matrix4d others = full.block<4, 4>(2, 2);
   const Eigen::Matrix<double, 2, 4> mixed = full.block<2, 4>(0, 2);
   CornerFit fit;
-  fit.pixel = guess.pixel + position;
+  // What is lit unevenly is blurred as it is lit: blur(light * pattern) is light * blur(pattern), moved towards the dark
+  // by the blur's variance times the relative gradient, to first order.
+  const Vector2d gradient = light / (1.0 + light.dot(position));
+  fit.pixel = guess.pixel + position + 0.5 * blur.squaredNorm() * gradient;
   fit.structure = full.block<2, 2>(0, 0) - mixed * others.ldlt().solve(mixed.transpose());
   fit.step = step;
   fit.residual = residual;

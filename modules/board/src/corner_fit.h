@@ -33,7 +33,7 @@ struct CornerFit {
 };
 
 /// Fits the picture of a blurred corner, brightness = level + step * erf(d1) * erf(d2) with d1, d2 the
-/// distances from its two edges in units of blur, times a linear light gradient; for edges that are not at right
+/// distances from its two edges in units of blur, times a linear light gradient, which moves what is blurred; for edges that are not at right
 /// angles, with the terms that the blur they share adds.
 ///
 /// The window is a parallelogram along the projected squares, so it takes in as much of the two edges as

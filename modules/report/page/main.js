@@ -161,7 +161,7 @@ function jointSection() {
     table([['', name], ['views', (row) => row.views, true], ['residual, px', (row) => row.rms_px, true], ['place ±, mm', (row) => row.place_sigma_mm, true],
       ['direction ±, deg', (row) => row.direction_sigma_deg, true], ['worst pixel ±, px', (row) => row.at_range.worst_px, true],
       ['points of the workspace ±, mm', (row) => `${row.workspace_rms_mm}, worst ${row.workspace_worst_mm}`, true],
-      ['its two halves differ by (claimed), px', (row) => (row.halves ? `${row.halves.rms_px} (${row.halves.claimed_px})` : '–'), true]], joint.cameras),
+      ['halves differ (claimed), px', (row) => (row.halves ? `${row.halves.rms_px} (${row.halves.claimed_px})` : '–'), true]], joint.cameras),
     element('p', {class: 'remark'}, 'Halves: the estimate from every other stop against that from the rest. Good is no more than is claimed; far more says that lens, board or arm are described wrongly, which no residual shows.')];
   if (joint.pairs.length) {
     parts.push(table([['one beside the other', (row) => `${row.first}, ${row.second}`], ['apart, mm', (row) => row.apart_mm, true],
