@@ -38,6 +38,7 @@ class Eye {
   /// True if the camera's other stream stops while this one is read.
   bool excludesOthers() const { return camera_.infrared && camera_.infrared->excludes_color; }
   bool hasDepth() const { return stream_ == Stream::kInfrared && camera_.infrared->depth.has_value(); }
+  DepthSensor depthSensor() const { return *camera_.infrared->depth; }  ///< If it has depth.
 
   BoardObserver& observer() { return observer_; }
   const CameraModel& model() const { return observer_.model(); }

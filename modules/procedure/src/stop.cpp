@@ -75,6 +75,16 @@ std::optional<double> motionBeyondNoise(const BoardDetection& before, const Boar
   return *middle;
 }
 
+/// Light that comes back weakly reads farther (time of flight): black print by a millimetre and more. The correction is
+/// that of white paper.
+board::BoardDepthOptions depthOptions(DepthSensor sensor) {
+  board::BoardDepthOptions options;
+  if (sensor != DepthSensor::kTimeOfFlight) return options;
+  options.white_only = true;
+  options.min_patch_pixels = 5;
+  return options;
+}
+
 }  // namespace
 
 std::vector<StopView> gatherStop(Clock& clock, const std::vector<Eye*>& eyes, Instant rest, bool first_is_wanted) {
@@ -139,7 +149,8 @@ StreamObservation toObservation(const StopView& stop, const BoardSpec& board) {
   if (!stop.depth.empty()) {
     std::vector<cv::Mat> frames;
     for (const sensor::Frame& frame : stop.depth) frames.push_back(frame.image);
-    auto measured = board::measureBoardDepth(frames, view.detection, board, stop.eye->model());
+    auto measured = board::measureBoardDepth(frames, view.detection, board, stop.eye->model(),
+                                             depthOptions(stop.eye->depthSensor()));
     view.depth = std::move(measured.depth);
     stop.eye->noteDepth(view.depth ? "" : measured.reason);
   }
