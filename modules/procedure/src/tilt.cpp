@@ -25,15 +25,15 @@ struct Direction {
 
 /// What one direction's search has found out about one stream.
 struct Limit {
-  int seen_deg = 0;
-  std::optional<int> lost_deg;  // Smallest angle at which it did not see the board.
+  int seen_deg = 0;             // Largest angle at which it saw the board,
+  std::optional<int> lost_deg;  // and smallest beyond that at which it did not. What it missed before was not the tilt's.
 
   void note(int angle_deg, bool seen) {
     if (seen) {
-      if (!lost_deg || angle_deg < *lost_deg) seen_deg = std::max(seen_deg, angle_deg);
-    } else {
+      seen_deg = std::max(seen_deg, angle_deg);
+      if (lost_deg && *lost_deg <= seen_deg) lost_deg.reset();
+    } else if (angle_deg > seen_deg) {
       lost_deg = lost_deg ? std::min(*lost_deg, angle_deg) : angle_deg;
-      if (seen_deg >= *lost_deg) seen_deg = *lost_deg - kStepDeg;
     }
   }
 };
