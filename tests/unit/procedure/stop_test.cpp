@@ -3,6 +3,7 @@
 // right.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <iostream>
 #include <utility>
@@ -130,6 +131,29 @@ TEST(Stop, AFlickeringExposureMovesNoCorner) {
   const double right_px = rmsPx(sound, *right), spoiled_px = rmsPx(flickering, *spoiled);
   std::cout << "corners off by " << right_px << " px, with flicker " << spoiled_px << " px\n";
   EXPECT_LT(spoiled_px, right_px + 0.05);
+}
+
+// Of half black, half white print, where black reads a millimetre farther.
+TEST(Stop, DepthOfTimeOfFlightIsThatOfTheWhite) {
+  CellConfig cell = defaultCell();
+  cell.cameras.erase(cell.cameras.begin() + 1, cell.cameras.end());
+  Stand stand(cell);
+  const auto observation = stand.observe();
+  ASSERT_TRUE(observation);
+  const auto seen = std::find_if(observation->views.begin(), observation->views.end(),
+                                 [](const StreamObservation& view) { return view.depth.has_value(); });
+  ASSERT_NE(seen, observation->views.end());
+  const sim::Truth truth(stand.simulation);
+  const Pose<Infrared, Board> iMo = truth.cMi(seen->camera).inverse() * truth.cMo(seen->camera, seen->stamp);
+  const Eigen::Vector3d normal = iMo.rotation().col(2);
+  double off_m = 0.0;
+  for (const DepthPatch& patch : seen->depth->patches) {
+    const Eigen::Vector3d ray = truth.infrared(seen->camera).unproject(patch.pixel)->homogeneous();
+    const double plane_m = normal.dot(iMo.translation()) / normal.dot(ray);
+    off_m += (patch.depth_m - truth.measuredDepth(seen->camera, patch.pixel, plane_m)) /
+             static_cast<double>(seen->depth->patches.size());
+  }
+  EXPECT_NEAR(off_m, 0.0, 2e-4);  // With the print: 0.5 mm.
 }
 
 TEST(Stop, DarknessAndGlareAreNamed) {
