@@ -10,6 +10,10 @@
 namespace servocal::calib {
 namespace {
 
+/// How far the slope of a time-of-flight sensor is off 1: its clock is a crystal. Without that a long harmonic of the
+/// wiggle and the slope are not told apart over half a metre.
+constexpr double kSlopeSigma = 0.003;
+
 bool isRange(const DepthModel& model) { return model.sensor == DepthSensor::kTimeOfFlight; }
 
 /// Share of each node in the lattice at a pixel: the lattice is linear in its nodes.
@@ -34,10 +38,10 @@ Eigen::VectorXd wiggleShares(DepthModel model, double range_m) {
 }
 
 /// Correlation of the wiggle's nodes: a stationary process, so that it fades where no board was. Matern's of order 3/2
-/// (Rasmussen, Williams, "Gaussian Processes for Machine Learning", 4.17); harmonics of half a metre to 1.3 m, as
-/// modulated light has, are that smooth.
+/// (Rasmussen, Williams, "Gaussian Processes for Machine Learning", 4.17), as smooth as a sine of half a metre, the
+/// shorter of the harmonics that modulated light has.
 Eigen::MatrixXd wiggleCorrelation(const DepthModel& shape) {
-  constexpr double kLengthM = 0.2;
+  constexpr double kLengthM = 0.13;
   const Eigen::Index count = shape.wiggle.size();
   const double step_m = count > 1 ? (shape.wiggle_to_m - shape.wiggle_from_m) / static_cast<double>(count - 1) : 0.0;
   Eigen::MatrixXd correlation(count, count);
@@ -163,7 +167,11 @@ DepthProblem::Normal DepthProblem::normal(const DepthScales& scales) const {
     at += patches;
   }
   normal.matrix = normal.design.transpose() * normal.design;
-  if (!free_slope_) normal.matrix(1, 1) = 1.0;
+  if (!free_slope_) {
+    normal.matrix(1, 1) = 1.0;
+  } else if (isRange(shape_)) {
+    normal.matrix(1, 1) += 1.0 / (kSlopeSigma * kSlopeSigma);
+  }
   return normal;
 }
 
@@ -185,7 +193,8 @@ DepthFit DepthProblem::solveAt(const DepthScales& scales) const {
   const Eigen::MatrixXd unit = scale.cwiseInverse().asDiagonal() * equations.matrix * scale.cwiseInverse().asDiagonal();
   // By the residuals: the difference of two sums of squares would be lost in rounding where data are good.
   const auto lattice = solution.tail(free), wiggle = solution.segment(2, wiggles);
-  const double misfit = (equations.target - equations.design * solution).squaredNorm() +
+  const double slope_misfit = free_slope_ && isRange(shape_) ? std::pow(solution[1] / kSlopeSigma, 2) : 0.0;
+  const double misfit = slope_misfit + (equations.target - equations.design * solution).squaredNorm() +
                         stiffness * lattice.dot(roughness_ * lattice) +
                         (wiggles > 0 ? wiggle_weight * wiggle.dot(wiggle_precision_ * wiggle) : 0.0);
   fit.log_evidence = equations.log_determinant - 0.5 * misfit -
