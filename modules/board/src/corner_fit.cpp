@@ -67,6 +67,7 @@ constexpr double kMaxHalf = 11.0;    // px; longer, and a lens' curvature of the
 constexpr double kMaxHalfFirst = 7.0;  // px; enough for the blur, and faster.
 constexpr double kMinBlur = 0.35;    // px; a pixel's own extent.
 constexpr double kMaxBlur = 8.0;     // px
+constexpr int kSaturated = 254;      // gray; from here on how bright it is is not known.
 
 // The pixels near the two edges, inside the window.
 bool collect(const cv::Mat& gray, const CornerGuess& guess, const Vector2d& normal_u, const Vector2d& normal_v,
@@ -114,6 +115,10 @@ bool collect(const cv::Mat& gray, const CornerGuess& guess, const Vector2d& norm
       samples.push_back({dx, dy, static_cast<double>(row[x])});
     }
   }
+  // A few saturated pixels would bend the light's gradient; where all white is, it is white enough.
+  const auto unsaturated = std::stable_partition(samples.begin(), samples.end(),
+                                                 [](const Sample& sample) { return sample.gray < kSaturated; });
+  if (3 * (samples.end() - unsaturated) <= samples.end() - samples.begin()) samples.erase(unsaturated, samples.end());
   return samples.size() >= 9;
 }
 

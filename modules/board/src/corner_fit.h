@@ -37,7 +37,7 @@ struct CornerFit {
 /// angles, with the terms that the blur they share adds.
 ///
 /// The window is a parallelogram along the projected squares, so it takes in as much of the two edges as
-/// it can without touching the next ones. Point symmetry makes the position blind to errors of blur and
+/// it can without touching the next ones. Saturated pixels are left out if they are few. Point symmetry makes the position blind to errors of blur and
 /// level. Nothing if the window leaves the image or the fit does not converge near the guess.
 std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess);
 
