@@ -16,7 +16,7 @@ int main() {
     const char* name;
     DepthModel depth;
     CameraModel color;
-  } cases[] = {{"time of flight, 512 x 424 -> 1920 x 1080", test::timeOfFlight(), test::hdCamera()},
+  } cases[] = {{"time of flight, 512 x 424 -> 1920 x 1080", test::wigglingTimeOfFlight(), test::hdCamera()},
                {"structured light, 640 x 480 -> 640 x 480", test::structuredLight(), vga}};
   for (const auto& one : cases) {
     const sensor::DepthRectifier rectifier(one.depth, one.color, cMi);

@@ -33,12 +33,12 @@ struct CornerFit {
 };
 
 /// Fits the picture of a blurred corner, brightness = level + step * erf(d1) * erf(d2) with d1, d2 the
-/// distances from its two edges in units of blur, times a linear light gradient, which moves what is blurred; for edges that are not at right
-/// angles, with the terms that the blur they share adds.
+/// distances from its two edges in units of blur, times a linear light gradient, which moves what is blurred; for
+/// edges that are not at right angles, with the terms that the blur they share adds.
 ///
 /// The window is a parallelogram along the projected squares, so it takes in as much of the two edges as
-/// it can without touching the next ones. Saturated pixels are left out if they are few. Point symmetry makes the position blind to errors of blur and
-/// level. Nothing if the window leaves the image or the fit does not converge near the guess.
+/// it can without touching the next ones. Saturated pixels are left out if they are few. Point symmetry makes the
+/// position blind to errors of blur and level. Nothing if the window leaves the image or the fit does not converge near the guess.
 std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess);
 
 }  // namespace servocal::board

@@ -5,6 +5,7 @@
 
 #include "resume.h"
 #include "run.h"
+#include "tilt_found.h"
 
 namespace servocal::procedure {
 namespace {
@@ -21,21 +22,6 @@ struct Direction {
   const char* name;
   Eigen::Vector3d axis;  // in o: turns the board about its own centre
   int cap_deg;           // a multiple of the step
-};
-
-/// What one direction's search has found out about one stream.
-struct Limit {
-  int seen_deg = 0;             // Largest angle at which it saw the board,
-  std::optional<int> lost_deg;  // and smallest beyond that at which it did not. What it missed before was not the tilt's.
-
-  void note(int angle_deg, bool seen) {
-    if (seen) {
-      seen_deg = std::max(seen_deg, angle_deg);
-      if (lost_deg && *lost_deg <= seen_deg) lost_deg.reset();
-    } else if (angle_deg > seen_deg) {
-      lost_deg = lost_deg ? std::min(*lost_deg, angle_deg) : angle_deg;
-    }
-  }
 };
 
 bool sees(const Observation& observation, const Eye& eye) {
@@ -139,7 +125,7 @@ class TiltSearch {
   const Pose<Base, EndEffector> bMe_facing_;
   const bool in_strides_;
   servo::DriveOptions options_;
-  Limit color_limit_, infrared_limit_;
+  TiltFound color_limit_, infrared_limit_;
 };
 
 }  // namespace

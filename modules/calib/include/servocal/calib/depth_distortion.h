@@ -52,11 +52,11 @@ struct DepthOutcome {
 /// each view is that of its patches, of the pose by its corners (or as given), and of one common error of the
 /// view's depth; its size, a factor on the patches' sigmas, the stiffness of the lattice and the size of the wiggling
 /// error maximize the evidence. The latter is a stationary process over the range, so that it fades where no board
-/// was; data without one make it zero. The slope of time of flight is known beforehand to 0.003. The lattice is a membrane (differences of neighboring nodes are random) of mean zero over the
-/// image, so that the offset is determined; where no board was it continues its surroundings, with the
+/// was; data without one make it zero. The slope of time of flight is known beforehand to 0.003. The lattice is a
+/// membrane (differences of neighboring nodes are random) of mean zero over the image, so that the offset is determined; where no board was it continues its surroundings, with the
 /// uncertainty that the stiffness implies. With boards at one distance only, slope and wiggling are not
-/// determined and stay 1 and 0, with a note. Up to a third of the views may contradict the others; they are left out and named. What
-/// the correction does not know yet, where no other view was, is no contradiction.
+/// determined and stay 1 and 0, with a note. Up to a third of the views may contradict the others; they are left out
+/// and named. What the correction does not know yet, where no other view was, is no contradiction.
 ///
 /// Of the two poses of a plane that fit a small image alike, the one whose plane fits the depth is taken.
 ///
