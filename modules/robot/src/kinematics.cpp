@@ -57,14 +57,27 @@ KDL::JntArray toKdl(const Eigen::VectorXd& q) {
   return joints;
 }
 
-// As kdl_parser does it: the joint sits at its origin in the parent, its axis turned along.
-KDL::Segment toSegment(const urdf::Joint& joint) {
-  const KDL::Frame origin = toKdl(joint.parent_to_joint_origin_transform);
-  if (joint.type == urdf::Joint::FIXED)
-    return KDL::Segment(joint.child_link_name, KDL::Joint(joint.name, KDL::Joint::None), origin);
-  const KDL::Vector axis(joint.axis.x, joint.axis.y, joint.axis.z);
-  return KDL::Segment(joint.child_link_name,
-                      KDL::Joint(joint.name, origin.p, origin.M * axis, KDL::Joint::RotAxis), origin);
+KDL::Frame zTo(const urdf::Vector3& axis) {
+  const auto turn = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), Eigen::Vector3d(axis.x, axis.y, axis.z));
+  return KDL::Frame(KDL::Rotation::Quaternion(turn.x(), turn.y(), turn.z(), turn.w()));
+}
+
+// Every joint turns about the z of a frame laid along its axis. KDL's joint about any axis would spare
+// that frame, but it keeps its last pose in mutable members, which threads that share a chain corrupt.
+KDL::Chain toKdl(const std::vector<urdf::JointSharedPtr>& joints) {
+  KDL::Chain chain;
+  KDL::Joint joint("base", KDL::Joint::None);
+  KDL::Frame tip;  // Of the segment that `joint` moves: all that is fixed up to the next joint.
+  for (const urdf::JointSharedPtr& next : joints) {
+    tip = tip * toKdl(next->parent_to_joint_origin_transform);
+    if (next->type == urdf::Joint::FIXED) continue;
+    const KDL::Frame along_axis = zTo(next->axis);
+    chain.addSegment(KDL::Segment(joint.getName(), joint, tip * along_axis));
+    joint = KDL::Joint(next->name, KDL::Joint::RotZ);
+    tip = along_axis.Inverse();
+  }
+  chain.addSegment(KDL::Segment(joint.getName(), joint, tip));
+  return chain;
 }
 
 }  // namespace
@@ -105,9 +118,9 @@ struct Kinematics::Impl {
 
 Kinematics::Kinematics(const ArmConfig& arm) : impl_(std::make_unique<Impl>()) {
   const UrdfChain chain = readChain(arm);
+  impl_->chain = toKdl(chain.joints);
   std::vector<double> lower, upper;
   for (const urdf::JointSharedPtr& joint : chain.joints) {
-    impl_->chain.addSegment(toSegment(*joint));
     impl_->reach_m += toKdl(joint->parent_to_joint_origin_transform).p.Norm();
     if (joint->type == urdf::Joint::FIXED) continue;
     const bool continuous = joint->type == urdf::Joint::CONTINUOUS;
