@@ -270,7 +270,7 @@ inline void draw(const Print& print, const Eigen::Matrix3d& to_print, const View
       const Vector2d d((x - 0.5 - view.cx) / view.focal, (y - 0.5 - view.cy) / view.focal);
       Vector2d n = d;
       if (view.k1 != 0)
-        for (int iteration = 0; iteration < 6; ++iteration) n = d / (1 + view.k1 * n.squaredNorm());
+        for (int iteration = 0; iteration < 12; ++iteration) n = d / (1 + view.k1 * n.squaredNorm());
       const Eigen::Vector3d h = to_print * n.homogeneous();
       Place& place = places[x - x0];
       place.at = h.z() > 0 ? Vector2d(h.hnormalized()) : Vector2d(-1e9, -1e9);  // Behind the camera: nothing.

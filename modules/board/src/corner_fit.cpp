@@ -58,16 +58,34 @@ Crossing cross(const Profile& first, const Profile& second, double rho) {
           first.value * second.slope - rho * first.slope * second.spread - half * first.spread * second.curl};
 }
 
+// What a pixel shows on average whose brightness, with noise, is cut off at white, and the slope by brightness (the mean
+// of a censored normal).
+struct Clipped {
+  double gray, slope;
+};
+
+constexpr double kWhite = 255.0;
+constexpr double kClipNoise = 5.0;  // gray levels; only how softly the cut begins.
+
+Clipped clip(const ErrorFunction& error_function, double brightness) {
+  const double room = (kWhite - brightness) / kClipNoise;
+  if (room > 4.0) return {brightness, 1.0};
+  double value, slope;
+  error_function.at(room, value, slope);
+  const double below = 0.5 * (1.0 + value);  // How often it is not cut off.
+  return {kWhite - kClipNoise * (0.5 * slope + room * below), below};
+}
+
 struct Sample {
   double x, y;  // From the guess, px.
   double gray;
 };
 
-constexpr double kMaxHalf = 11.0;    // px; longer, and a lens' curvature of the edges starts to show.
+constexpr double kMaxHalf = 16.0;     // px; more costs time and adds little.
 constexpr double kMaxHalfFirst = 7.0;  // px; enough for the blur, and faster.
 constexpr double kMinBlur = 0.35;    // px; a pixel's own extent.
 constexpr double kMaxBlur = 8.0;     // px
-constexpr int kSaturated = 254;      // gray; from here on how bright it is is not known.
+constexpr double kHighlight = 0.5;   // gray levels per px; a board's highlight beside what a lamp does alone.
 
 // The pixels near the two edges, inside the window.
 bool collect(const cv::Mat& gray, const CornerGuess& guess, const Vector2d& normal_u, const Vector2d& normal_v,
@@ -115,10 +133,6 @@ bool collect(const cv::Mat& gray, const CornerGuess& guess, const Vector2d& norm
       samples.push_back({dx, dy, static_cast<double>(row[x])});
     }
   }
-  // A few saturated pixels would bend the light's gradient; where all white is, it is white enough.
-  const auto unsaturated = std::stable_partition(samples.begin(), samples.end(),
-                                                 [](const Sample& sample) { return sample.gray < kSaturated; });
-  if (3 * (samples.end() - unsaturated) <= samples.end() - samples.begin()) samples.erase(unsaturated, samples.end());
   return samples.size() >= 9;
 }
 
@@ -137,15 +151,18 @@ std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess
   const double apart_v = std::abs(normal_v.dot(guess.axes.col(0)));
   if (!collect(gray, guess, normal_u, normal_v, samples)) return std::nullopt;
 
-  // Parameters: position (2), level, step, light gradient (2), and the two blurs if wanted.
+  const bool clips = std::any_of(samples.begin(), samples.end(), [](const Sample& s) { return s.gray >= kWhite; });
+
+  // Parameters: position (2), level, step, gradient of the level (2), and the two blurs or, if they are known, the
+  // gradient of the step (2). A lamp's gradient is the same part of both; a highlight adds to the level alone.
   constexpr int kMost = NormalSums::kMost;
-  const int count = guess.fit_blur ? 8 : 6;
   using Normal = Eigen::Matrix<double, kMost, kMost>;
   using Vector = Eigen::Matrix<double, kMost, 1>;
   Vector2d position = Vector2d::Zero();
   Vector2d blur = guess.blur_px.cwiseMax(kMinBlur);
+  const Vector2d half_bend = 0.5 * guess.bend;
   double level = 0.0, step = 0.0;
-  Vector2d light = Vector2d::Zero();
+  Vector2d level_gradient = Vector2d::Zero(), step_gradient = Vector2d::Zero();  // gray/px
   const double radius = 0.25 * std::min(guess.axes.col(0).norm(), guess.axes.col(1).norm());
   const double max_shift = std::max(1.5, radius);
 
@@ -177,59 +194,80 @@ std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess
   thread_local NormalSums sums;
   Normal normal;
   double residual = 0.0;
-  const int most_iterations = guess.fit_blur ? 6 : 5;
+  const int most_iterations = clips ? 10 : guess.fit_blur ? 6 : 5;
   for (int iteration = 0;; ++iteration) {
-    sums.reset(count, samples.size());
-    double squares = 0.0;
+    sums.reset(kMost, samples.size());
+    double squares = 0.0, pixels = 0.0;  // Those that are not cut off count.
     const double inverse_u = 1.0 / blur.x();
     const double inverse_v = 1.0 / blur.y();
     const double rho = correlation();
+    const double lamp = step / std::max(level, std::abs(step));
+    if (guess.fit_blur) step_gradient = lamp * level_gradient;
     for (std::size_t k = 0; k < samples.size(); ++k) {
       const Sample& sample = samples[k];
       const double dx = sample.x - position.x();
       const double dy = sample.y - position.y();
-      const double t1 = (normal_u.x() * dx + normal_u.y() * dy) * inverse_u;
-      const double t2 = (normal_v.x() * dx + normal_v.y() * dy) * inverse_v;
+      const double d1 = normal_u.x() * dx + normal_u.y() * dy, d2 = normal_v.x() * dx + normal_v.y() * dy;
+      const double s1 = normal_u.y() * dx - normal_u.x() * dy, s2 = normal_v.y() * dx - normal_v.x() * dy;
+      const double t1 = (d1 - half_bend.x() * s1 * s1) * inverse_u;
+      const double t2 = (d2 - half_bend.y() * s2 * s2) * inverse_v;
       const Profile p1 = profile(error_function, t1, apart_u * inverse_u);
       const Profile p2 = profile(error_function, t2, apart_v * inverse_v);
       const Crossing crossing = cross(p1, p2, rho);
       const double s = crossing.value;
-      const double tone = level + step * s;
-      const double brightness = 1.0 + light.x() * sample.x + light.y() * sample.y;
-      const double error = sample.gray - tone * brightness;
+      const double level_here = level + level_gradient.x() * sample.x + level_gradient.y() * sample.y;
+      const double step_here = step + step_gradient.x() * sample.x + step_gradient.y() * sample.y;
+      const double brightness = level_here + step_here * s;
+      const Clipped shown = clips ? clip(error_function, brightness) : Clipped{brightness, 1.0};
+      const double error = sample.gray - shown.gray;
       squares += error * error;
-      const double by_d1 = step * brightness * crossing.by_first;  // Per unit of t1.
-      const double by_d2 = step * brightness * crossing.by_second;
+      pixels += shown.slope;
+      const double by_d1 = shown.slope * step_here * crossing.by_first;  // Per unit of t1.
+      const double by_d2 = shown.slope * step_here * crossing.by_second;
       const auto set = [&](int parameter, double value) {
         sums.derivative(parameter, k) = static_cast<float>(value);
       };
       set(0, -(by_d1 * inverse_u * normal_u.x() + by_d2 * inverse_v * normal_v.x()));
       set(1, -(by_d1 * inverse_u * normal_u.y() + by_d2 * inverse_v * normal_v.y()));
-      set(2, brightness);
-      set(3, brightness * s);
-      set(4, tone * sample.x);
-      set(5, tone * sample.y);
+      const double by_level = shown.slope, by_step = shown.slope * s;
+      set(2, by_level);
+      set(3, by_step);
       if (guess.fit_blur) {
-        set(6, -step * brightness * p1.spread * p2.value * inverse_u);
-        set(7, -step * brightness * p1.value * p2.spread * inverse_v);
+        set(4, (by_level + lamp * by_step) * sample.x);
+        set(5, (by_level + lamp * by_step) * sample.y);
+        set(6, -shown.slope * step_here * p1.spread * p2.value * inverse_u);
+        set(7, -shown.slope * step_here * p1.value * p2.spread * inverse_v);
+      } else {
+        set(4, by_level * sample.x);
+        set(5, by_level * sample.y);
+        set(6, by_step * sample.x);
+        set(7, by_step * sample.y);
       }
       sums.error(k) = static_cast<float>(error);
     }
     normal.setZero();
     Vector right = Vector::Zero();
     sums.sum(normal, right);
-    residual = std::sqrt(squares / std::max<double>(samples.size() - count, 4));
+    residual = std::sqrt(squares / std::max(pixels - kMost, 4.0));
     if (iteration == most_iterations) break;
     // A little damping of what small windows leave undetermined: blur and light.
-    normal(4, 4) += 1e-2 * step * step * samples.size();
-    normal(5, 5) += 1e-2 * step * step * samples.size();
-    right[4] -= 1e-2 * step * step * samples.size() * light.x();
-    right[5] -= 1e-2 * step * step * samples.size() * light.y();
-    for (int k = 6; k < count; ++k) {
-      normal(k, k) += 0.04 * step * step;
-      right[k] -= 0.04 * step * step * (blur[k - 6] - guess.blur_px[k - 6]);
+    const auto damp = [&](int parameter, double weight, double from) {
+      normal(parameter, parameter) += weight;
+      right[parameter] -= weight * from;
+    };
+    for (int k = 0; k < 2; ++k) {
+      damp(4 + k, 1e-2 * samples.size(), level_gradient[k]);
+      if (guess.fit_blur) {
+        damp(6 + k, 0.04 * step * step, blur[k] - guess.blur_px[k]);
+      } else {
+        // Against a highlight of any strength: step gradient - lamp * level gradient is about zero.
+        const double weight = std::pow(residual / kHighlight, 2);
+        const double beside = step_gradient[k] - lamp * level_gradient[k];
+        damp(6 + k, weight, beside);
+        damp(4 + k, weight * lamp * lamp, -beside / lamp);
+        normal(6 + k, 4 + k) -= weight * lamp;
+      }
     }
-    for (int k = count; k < kMost; ++k) normal(k, k) = 1.0;
     const Vector change = normal.selfadjointView<Eigen::Lower>().ldlt().solve(right);
     if (!change.allFinite()) return std::nullopt;
     Vector2d move = change.head<2>();
@@ -237,7 +275,8 @@ std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess
     position += move;
     level += change[2];
     step += change[3];
-    light += change.segment<2>(4);
+    level_gradient += change.segment<2>(4);
+    if (!guess.fit_blur) step_gradient += change.tail<2>();
     bool settled = move.norm() < (guess.fit_blur ? 1e-2 : 2e-3) && iteration >= 1;
     if (guess.fit_blur) {
       for (int k = 0; k < 2; ++k) {
@@ -252,14 +291,14 @@ std::optional<CornerFit> fitCorner(const cv::Mat& gray, const CornerGuess& guess
 
   // Information on the position once the other parameters have taken theirs.
   const Normal full = normal.selfadjointView<Eigen::Lower>();
-  const Eigen::Matrix4d others = full.block<4, 4>(2, 2);
-  const Eigen::Matrix<double, 2, 4> mixed = full.block<2, 4>(0, 2);
+  const int others = guess.fit_blur ? 4 : 6;
+  const auto mixed = full.block(0, 2, 2, others);
   CornerFit fit;
-  // What is lit unevenly is blurred as it is lit: blur(light * pattern) is light * blur(pattern), moved towards the dark
-  // by the blur's variance times the relative gradient, to first order.
-  const Vector2d gradient = light / (1.0 + light.dot(position));
-  fit.pixel = guess.pixel + position + 0.5 * blur.squaredNorm() * gradient;
-  fit.structure = full.block<2, 2>(0, 0) - mixed * others.ldlt().solve(mixed.transpose());
+  // Where contrast is uneven, blur moves the pattern towards less of it: blur(contrast * pattern) is contrast *
+  // blur(pattern), moved by the blur's variance times the relative gradient, to first order.
+  const Vector2d uneven = step_gradient / (step + step_gradient.dot(position));
+  fit.pixel = guess.pixel + position + 0.5 * blur.squaredNorm() * uneven;
+  fit.structure = full.block<2, 2>(0, 0) - mixed * full.block(2, 2, others, others).ldlt().solve(mixed.transpose());
   fit.step = step;
   fit.residual = residual;
   fit.blur_px = blur;

@@ -108,6 +108,32 @@ bool isEven(const Grid& grid) {
   return true;
 }
 
+// True if one row or column of corners is fainter than the others and does not look like corners as they do: a strip
+// over it that leaves edges beside it, blurred into something like corners.
+bool hasCoveredLine(const Grid& grid) {
+  constexpr double kFainter = 0.75, kRougher = 1.4;
+  std::vector<double> steps, residuals;
+  const auto take = [&](int column, int row) {
+    steps.push_back(std::abs(grid.at(column, row).step));
+    residuals.push_back(grid.at(column, row).residual);
+  };
+  for (int row = 0; row < grid.rows; ++row)
+    for (int column = 0; column < grid.columns; ++column) take(column, row);
+  const double step = median(steps), residual = median(residuals);
+  const auto isCovered = [&] { return median(steps) < kFainter * step && median(residuals) > kRougher * residual; };
+  for (int row = 0; row < grid.rows; ++row) {
+    steps.clear(), residuals.clear();
+    for (int column = 0; column < grid.columns; ++column) take(column, row);
+    if (isCovered()) return true;
+  }
+  for (int column = 0; column < grid.columns; ++column) {
+    steps.clear(), residuals.clear();
+    for (int row = 0; row < grid.rows; ++row) take(column, row);
+    if (isCovered()) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 double Grid::smallestSpacing() const {
@@ -204,6 +230,7 @@ std::optional<Grid> measureGrid(const cv::Mat& gray, const Checkerboard& board, 
     CornerGuess guess;
     guess.pixel = grid.corners[k].pixel;
     guess.axes = grid.warp.jacobian({k % columns, k / columns});
+    guess.bend = grid.warp.bend({k % columns, k / columns});
     guess.blur_px = grid.blur_px;
     guess.fit_blur = false;
     avoidHollow(board, columns, rows, {k % columns, k / columns}, guess);
@@ -217,7 +244,7 @@ std::optional<Grid> measureGrid(const cv::Mat& gray, const Checkerboard& board, 
     grid.corners[k].blur_px = own_blur;
   }
   grid.warp = fitWarp(columns, rows, grid.corners);
-  if (!isSmooth(grid)) return std::nullopt;
+  if (!isSmooth(grid) || hasCoveredLine(grid)) return std::nullopt;
   return grid;
 }
 
@@ -229,6 +256,7 @@ void remeasureBesideSolid(const cv::Mat& gray, const std::vector<Eigen::Vector2i
     CornerGuess guess;
     guess.pixel = corner.pixel;
     guess.axes = grid.warp.jacobian({column, row});
+    guess.bend = grid.warp.bend({column, row});
     guess.blur_px = grid.blur_px;
     guess.fit_blur = false;
     // What the whole window cannot measure stays as measured in a part of it.

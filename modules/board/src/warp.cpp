@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 
 namespace servocal::board {
@@ -99,6 +100,20 @@ Eigen::Matrix2d Warp::jacobian(const Vector2d& grid) const {
   jacobian.col(0) = (at(grid + Vector2d(kStep, 0)) - at(grid - Vector2d(kStep, 0))) / (2 * kStep);
   jacobian.col(1) = (at(grid + Vector2d(0, kStep)) - at(grid - Vector2d(0, kStep))) / (2 * kStep);
   return jacobian;
+}
+
+Vector2d Warp::bend(const Vector2d& grid) const {
+  constexpr double kStep = 0.5;  // squares
+  const Eigen::Matrix2d along = jacobian(grid);
+  Vector2d bend;
+  for (int axis = 0; axis < 2; ++axis) {
+    const Vector2d step = kStep * Vector2d::Unit(axis), t = along.col(axis), other = along.col(1 - axis);
+    const Vector2d second = (at(grid + step) - 2.0 * at(grid) + at(grid - step)) / (kStep * kStep);
+    Vector2d normal(-t.y(), t.x());
+    if (normal.dot(other) < 0.0) normal = -normal;
+    bend[axis] = normal.dot(second) / std::pow(t.norm(), 3);
+  }
+  return bend;
 }
 
 bool Warp::isFinite() const { return homography_.allFinite() && (terms_ == 0 || coefficients_.allFinite()); }

@@ -23,6 +23,9 @@ class Warp {
   Eigen::Vector2d at(const Eigen::Vector2d& grid) const;
   /// Pixels per square: first column along u, second along v.
   Eigen::Matrix2d jacobian(const Eigen::Vector2d& grid) const;
+  /// Curvature of the lines along u and along v, towards growing v and growing u, 1/px. What perspective does
+  /// leaves lines straight.
+  Eigen::Vector2d bend(const Eigen::Vector2d& grid) const;
   bool isFinite() const;
   /// Length of the largest polynomial part over the corners, px: how far from a plain plane this is.
   double largestBend() const { return largest_bend_; }
