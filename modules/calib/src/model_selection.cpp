@@ -12,6 +12,8 @@ namespace {
 
 using StreamKey = std::pair<std::string, Stream>;
 
+constexpr double kStrongEvidence = 3.0;  // Twenty times as probable (Kass and Raftery, Bayes Factors, 1995).
+
 /// Some stops that are fitted, and others that are not.
 struct Part {
   std::vector<Observation> fitted, held_out;
@@ -214,7 +216,7 @@ std::optional<ModelSelection> selectModel(const BoardSpec& board,
     if (2 * predictions.parts > blocks) {
       score = scoreOf(term.name, predictions);
       std::tie(score.gain, score.gain_sigma) = gainOf(predictions, best);
-      score.kept = score.gain > 2.0 * score.gain_sigma;
+      score.kept = score.gain > std::max(kStrongEvidence, score.gain_sigma);
     }
     if (score.kept) {
       best = std::move(predictions);
