@@ -185,6 +185,7 @@ std::vector<DepthPatch> patchesOf(const PlaneFit& fit, const BoardArea& area, co
     sum.pixels += sample.frames;
   }
   std::vector<DepthPatch> patches;
+  double chi_square = 0.0;
   for (const Sum& sum : sums) {
     if (sum.samples < std::max(2, options.min_patch_pixels)) continue;
     const double count = sum.samples, mean = sum.residual / count;
@@ -192,9 +193,14 @@ std::vector<DepthPatch> patchesOf(const PlaneFit& fit, const BoardArea& area, co
     const auto ray = camera.unproject(pixel);
     if (!ray) continue;
     const double variance = std::max(sum.squares / count - mean * mean, 0.0) / (count - 1.0);
-    patches.push_back({pixel, 1.0 / fit.plane.dot(ray->homogeneous()) + mean,
-                       std::hypot(std::sqrt(variance), options.common_sigma_m), sum.pixels});
+    patches.push_back({pixel, 1.0 / fit.plane.dot(ray->homogeneous()) + mean, std::sqrt(variance), sum.pixels});
+    if (variance > 0.0) chi_square += mean * mean / variance;
   }
+  // Neighboring pixels err alike, and as much from frame to frame: a mean over a patch is worse than its pixels'
+  // scatter says. How much worse, the patches' own scatter about the plane tells; it has three parameters.
+  const double degrees = std::max(1.0, static_cast<double>(patches.size()) - 3.0);
+  const double worse = std::sqrt(std::max(1.0, chi_square / degrees));
+  for (DepthPatch& patch : patches) patch.sigma_m = std::hypot(worse * patch.sigma_m, options.common_sigma_m);
   return patches;
 }
 

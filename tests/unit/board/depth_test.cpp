@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <iostream>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
 #include "depth_scene.h"
@@ -20,6 +21,7 @@ struct Picture {
   Pose<Color, Board> cMo = Pose<Color, Board>::fromRotationVector({0.35, -0.3, 0.2}, {0.04, -0.03, 0.7});
   double unit_m = 0.001;
   double noise_m = 0.0;
+  double grain_px = 0.0;  ///< Standard deviation of the blur that makes neighboring pixels err alike, in every frame.
   double disparity_step = 0.0;  ///< Of 1/z, 1/m: structured light's quantization.
   double bump_m = 0.0;        ///< Added left of the image's middle: what a plane cannot follow.
   int hole_columns = 0;       ///< Of the board's left side, without depth.
@@ -35,6 +37,15 @@ std::vector<cv::Mat> frames(const Picture& picture, int count, std::uint64_t see
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal;
   const auto outline = picture.board.outline();
+  cv::Mat grain(picture.camera.height_px, picture.camera.width_px, CV_32FC1, cv::Scalar(0));
+  if (picture.grain_px > 0.0) {
+    cv::RNG generator(seed);
+    generator.fill(grain, cv::RNG::NORMAL, 0.0, 1.0);
+    cv::GaussianBlur(grain, grain, {}, picture.grain_px);
+    cv::Scalar mean, deviation;
+    cv::meanStdDev(grain, mean, deviation);
+    grain /= deviation[0];
+  }
   std::vector<cv::Mat> all;
   for (int i = 0; i < count; ++i) {
     cv::Mat frame(picture.camera.height_px, picture.camera.width_px, CV_16UC1);
@@ -48,7 +59,8 @@ std::vector<cv::Mat> frames(const Picture& picture, int count, std::uint64_t see
                               place.y() > outline[0].y() && place.y() < outline[2].y();
         if (!on_board) depth = 1.4;
         if (on_board && column < 256) depth += picture.bump_m;
-        if (depth > 0.0) depth += normal(random) * picture.noise_m;
+        const double noise = picture.grain_px > 0.0 ? static_cast<double>(grain.at<float>(row, column)) : normal(random);
+        if (depth > 0.0) depth += noise * picture.noise_m;
         if (picture.disparity_step > 0.0) depth = 1.0 / (picture.disparity_step * std::round(1.0 / depth / picture.disparity_step));
         if (on_board && column < picture.hole_columns) depth = 0.0;
         frame.at<std::uint16_t>(row, column) = cv::saturate_cast<std::uint16_t>(depth / picture.unit_m);
@@ -85,9 +97,8 @@ TEST(BoardDepth, FinePictureGivesThePlane) {
   EXPECT_GT(outcome.depth->valid_share, 0.999);
 }
 
-TEST(BoardDepth, PatchesErrAsTheyClaim) {
-  Picture picture;
-  picture.noise_m = 0.0015;
+// Mean square of the patches' errors over what they claim.
+double claimRatio(const Picture& picture) {
   BoardDepthOptions options;
   options.common_sigma_m = 1e-9;  // the picture has none
   double squares = 0.0;
@@ -95,16 +106,31 @@ TEST(BoardDepth, PatchesErrAsTheyClaim) {
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     const auto outcome =
         measureBoardDepth(frames(picture, 3, seed), seen(picture), picture.board, picture.camera, options);
-    ASSERT_EQ(outcome.status, BoardDepthStatus::kMeasured) << outcome.reason;
-    EXPECT_NEAR(outcome.depth->plane_rms_m, 0.0015, 0.0001);
+    EXPECT_EQ(outcome.status, BoardDepthStatus::kMeasured) << outcome.reason;
+    if (!outcome.depth) continue;
+    EXPECT_NEAR(outcome.depth->plane_rms_m, picture.noise_m, 0.12 * picture.noise_m);
     for (const DepthPatch& patch : outcome.depth->patches) {
       const double error = patch.depth_m - test::planeDepth(picture.cMo, picture.camera, patch.pixel);
       squares += error * error / (patch.sigma_m * patch.sigma_m);
       ++count;
     }
   }
-  // Patches of a small count share the plane's own error; 200 values, 10 % each way and more.
-  EXPECT_NEAR(squares / count, 1.0, 0.35);
+  return squares / count;
+}
+
+// Patches of a small count share the plane's own error; 200 values, 10 % each way and more.
+TEST(BoardDepth, PatchesErrAsTheyClaim) {
+  Picture picture;
+  picture.noise_m = 0.0015;
+  EXPECT_NEAR(claimRatio(picture), 1.0, 0.35);
+}
+
+// A third of their error is the plane's, which their scatter about it does not show.
+TEST(BoardDepth, PatchesErrAsTheyClaimWhereNeighborsErrAlike) {
+  Picture picture;
+  picture.noise_m = 0.0015;
+  picture.grain_px = 2.5;
+  EXPECT_NEAR(claimRatio(picture), 1.0, 0.6);
 }
 
 // Why the solver does not go by the paper's corner depths: a Kinect v1's disparity at 0.8 m, in steps of 1.8 mm.
