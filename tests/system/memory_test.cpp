@@ -39,6 +39,12 @@ void* allocated(std::size_t size) {
 
 void* operator new(std::size_t size) { return servocal::allocated(size); }
 void* operator new[](std::size_t size) { return servocal::allocated(size); }
+void* operator new(std::size_t size, const std::nothrow_t&) noexcept try {
+  return servocal::allocated(size);
+} catch (const std::bad_alloc&) {
+  return nullptr;
+}
+void* operator new[](std::size_t size, const std::nothrow_t& nothrow) noexcept { return operator new(size, nothrow); }
 void operator delete(void* memory) noexcept { std::free(memory); }
 void operator delete[](void* memory) noexcept { std::free(memory); }
 void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }

@@ -74,10 +74,18 @@ std::string threeCameras() {
   return text;
 }
 
+// OpenNI2's player of recordings leaks, and is unloaded before leaks are counted: tests/lsan.supp could not name it.
+#ifdef __SANITIZE_ADDRESS__
+constexpr const char* kKeepPlayer = " LD_PRELOAD=" SERVOCAL_OPENNI2_ROOT "/OpenNI2/Drivers/libOniFile.so.0 ";
+#else
+constexpr const char* kKeepPlayer = " ";
+#endif
+
 TEST(Oni, ACameraIsRecordedAndItsImagesAreTakenOut) {
   const test::TemporaryFolder folder;
   const auto oni = [&](const std::string& arguments) {
-    return test::runProgram("LD_LIBRARY_PATH=" SERVOCAL_OPENNI2_ROOT " " SERVOCAL_ONI " " + arguments);
+    return test::runProgram("LD_LIBRARY_PATH=" SERVOCAL_OPENNI2_ROOT + std::string(kKeepPlayer) + SERVOCAL_ONI " " +
+                            arguments);
   };
   const std::string cell = shellWord(folder.write("cell.yaml", threeCameras()).string());
   const std::string file = shellWord((folder / "front.oni").string());
