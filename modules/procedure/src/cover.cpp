@@ -49,6 +49,12 @@ plan::PlanOptions planOptions(const CoverageConfig& config, const Eye& eye) {
   return plan::coveragePlan(config, eye.model(), detectableTilt(eye.tilt_limits));
 }
 
+/// Straight, or if something is in the way around it: beside a singular pose no straight way is open. The reason if
+/// neither.
+std::optional<std::string> goTo(Run& run, const Pose<Base, EndEffector>& bMe) {
+  return run.moveTo(bMe) ? run.travelTo(bMe) : std::nullopt;
+}
+
 /// Drives the board to what `coverage` lacks, at most `max_views` times. A coverage of its own, not the eye's,
 /// is counted here. Returns the views taken.
 int fill(Run& run, Eye& eye, coverage::Coverage& coverage, const plan::PlanOptions& plan_options,
@@ -70,9 +76,17 @@ int fill(Run& run, Eye& eye, coverage::Coverage& coverage, const plan::PlanOptio
     }
 
     tried.push_back(next.view->cdMo);  // The same view again would add corners, but nothing new.
-    if (next.view->via_start && run.moveTo(run.guard().kinematics().forward(start_q))) continue;
+    Failures& failed = failures[next.view->cell];
+    const auto fail = [&](DriveStatus status) {
+      failed.add(status);
+      if (failed.drives == kTries) leave(coverage, next.view->cell, failed.is_reach);
+    };
     // The servo needs to see the board; another eye's last view may be out of this one's image.
-    if (!eye.shouldSee(run.guard().state().bMe, run.eMo(eye)) && run.moveTo(next.view->bMe)) continue;
+    if ((next.view->via_start && goTo(run, run.guard().kinematics().forward(start_q))) ||
+        (!eye.shouldSee(run.guard().state().bMe, run.eMo(eye)) && goTo(run, next.view->bMe))) {
+      fail(DriveStatus::kLimit);
+      continue;
+    }
     const int deficit = coverage.deficit();
     const Run::Visit visit = run.visit(stage, eye, next.view->cdMo);
     if (visit.observation) {
@@ -85,11 +99,7 @@ int fill(Run& run, Eye& eye, coverage::Coverage& coverage, const plan::PlanOptio
       }
       run.updateBelief(eye);
     }
-    if (coverage.deficit() == deficit) {
-      Failures& failed = failures[next.view->cell];
-      failed.add(visit.drive.status);
-      if (failed.drives == kTries) leave(coverage, next.view->cell, failed.is_reach);
-    }
+    if (coverage.deficit() == deficit) fail(visit.drive.status);
     const double per_view_s = toSeconds(run.clock().now() - begin) / std::max(1, views);
     const int open = static_cast<int>(coverage.openCells().size());
     run.setEta(per_view_s * std::min(max_views - views, std::max(1, (open + 1) / 2)));
