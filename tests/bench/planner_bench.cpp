@@ -22,7 +22,7 @@ namespace {
 
 using namespace servocal;
 
-constexpr double kCornerPx = 0.2, kRangeM = 0.54;
+constexpr double kRangeM = 0.54;
 constexpr int kMostViews = 120;
 constexpr double kGoalPx = 0.35, kGoalM = 0.0005;
 
@@ -39,8 +39,8 @@ struct Known {
 
 /// A cell, and what is true of it.
 struct Scene {
-  Scene(const CellConfig& drawn, std::uint64_t seed, int cameras, bool infrared, double robot_m)
-      : cell(drawn), noise{kCornerPx, robot_m, 2.5 * robot_m} {
+  Scene(const CellConfig& drawn, std::uint64_t seed, int cameras, bool infrared, double robot_m, double corner_px)
+      : cell(drawn), noise{corner_px, robot_m, 2.5 * robot_m} {
     sim::Cell simulation(cell, seed);
     const sim::Truth known(simulation);
     truth.board = cell.board;
@@ -77,7 +77,7 @@ struct Scene {
       }
     }
     at = test::truthLike(calib::solveJoint(cell.board, observations, options).solution.value(), truth, noise);
-    for (calib::JointCamera& camera : at.cameras) camera.rms_px = kCornerPx * std::sqrt(2.0);
+    for (calib::JointCamera& camera : at.cameras) camera.rms_px = corner_px * std::sqrt(2.0);
     renew();
   }
 
@@ -305,7 +305,7 @@ std::string viewsTo(const Course& course, double projection_px, double point_m) 
 int main(int argc, char** argv) {
   CLI::App cli("Views to an accuracy, by planner");
   int seeds = 3, cameras = 1, most_views = kMostViews;
-  double robot_mm = 0.1;
+  double robot_mm = 0.1, corner_px = 0.2;
   std::string cell_file;
   std::vector<std::string> planners = {"information", "coverage", "random"};
   plan::InformativeOptions options;
@@ -320,6 +320,7 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   cli.add_flag("--infrared", infrared, "Their infrared streams too");
   cli.add_option("--robot-mm", robot_mm, "Noise of the arm per axis and stop")->capture_default_str();
+  cli.add_option("--corner-px", corner_px, "Noise of the corners per axis")->capture_default_str();
   cli.add_option("--views", most_views, "At most")->capture_default_str();
   cli.add_option("--candidates", options.candidates, "By information: board poses drawn at each step")
       ->capture_default_str();
@@ -340,7 +341,7 @@ int main(int argc, char** argv) {
               "0.5&0.5", "0.35px", "travel_s");
   for (int seed = 1; seed <= seeds; ++seed) {
     for (const std::string& planner : planners) {
-      Scene scene(cell, static_cast<std::uint64_t>(seed), cameras, infrared, 1e-3 * robot_mm);
+      Scene scene(cell, static_cast<std::uint64_t>(seed), cameras, infrared, 1e-3 * robot_mm, corner_px);
       ByInformation information(scene, options);
       ByCoverage coverage;
       AtRandom random{std::mt19937_64(static_cast<std::uint64_t>(seed))};

@@ -205,13 +205,19 @@ bool isUsed(const calib::JointSolution& solution, std::int64_t observation_id, c
 /// What views do not support is not corrected, but an arm has its declared accuracy all the same: smooth errors, which
 /// more stops do not average out. They go into the covariance as parameters that are known to be zero only as well as
 /// that ("consider" parameters; Tapley, Schutz, Born, "Statistical Orbit Determination", 2004).
+/// How large they and the noise of the stops are is found with them free: noise found without has their errors in it.
 calib::JointSolution withGeometryInDoubt(const BoardSpec& board, const std::vector<Observation>& observations,
-                                         const SolveOptions& options, calib::JointSolution solution,
-                                         std::vector<std::string>& notes) {
+                                         const SolveOptions& options, calib::JointOptions joint,
+                                         calib::JointSolution solution, std::vector<std::string>& notes) {
   if (solution.robot_terms.size() > 0 || !solution.covariance.allFinite()) return solution;
   calib::JointSolution doubted = solution;
   doubted.robot_model = geometryTerms(observations, options, notes);
   if (!doubted.robot_model) return solution;
+  joint.robot_terms = doubted.robot_model;
+  if (const auto freed = calib::solveJoint(board, observations, joint).solution) {
+    doubted.robot = freed->robot;
+    doubted.robot_model = freed->robot_model;
+  }
   doubted.robot_terms = Eigen::VectorXd::Zero(doubted.robot_model->prior_sigma.size());
   const Eigen::Index shared = solution.covariance.rows();
   std::vector<Observation> used;  // Views that were left out tell nothing.
@@ -238,7 +244,7 @@ JointAnswer tryJointly(const BoardSpec& board, const std::vector<Observation>& o
   calib::JointOutcome outcome = calib::solveJoint(board, observations, chosen.options);
   if (!outcome.solution) return {std::nullopt, sentenceOf(outcome), {}};
   const calib::JointSolution solution =
-      withGeometryInDoubt(board, observations, options, *std::move(outcome.solution), out.notes);
+      withGeometryInDoubt(board, observations, options, chosen.options, *std::move(outcome.solution), out.notes);
   out.model = chosen.sentence;
   for (const calib::JointCamera& camera : solution.cameras) {
     out.cameras.push_back(reportOf(observations, solution, camera, options));
