@@ -81,9 +81,10 @@ int fill(Run& run, Eye& eye, coverage::Coverage& coverage, const plan::PlanOptio
       failed.add(status);
       if (failed.drives == kTries) leave(coverage, next.view->cell, failed.is_reach);
     };
+    run.backInSight(eye);
     // The servo needs to see the board; another eye's last view may be out of this one's image.
     if ((next.view->via_start && goTo(run, run.guard().kinematics().forward(start_q))) ||
-        (!eye.shouldSee(run.guard().state().bMe, run.eMo(eye)) && goTo(run, next.view->bMe))) {
+        (!eye.canStart(run.guard().state().bMe, run.eMo(eye)) && goTo(run, next.view->bMe))) {
       fail(DriveStatus::kLimit);
       continue;
     }

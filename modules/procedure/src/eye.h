@@ -60,6 +60,13 @@ class Eye {
   /// True if the whole board should be in this eye's image with room around it, turned towards it.
   bool shouldSee(const Pose<Base, EndEffector>& bMe, const std::optional<Pose<EndEffector, Board>>& eMo) const;
 
+  /// True if a drive by this eye can start here: it should see the board, and the last drive did not lose it. What is
+  /// known of the cell says what should be seen, and may be wrong early on.
+  bool canStart(const Pose<Base, EndEffector>& bMe, const std::optional<Pose<EndEffector, Board>>& eMo) const {
+    return !lost && shouldSee(bMe, eMo);
+  }
+  bool lost = false;  ///< The last drive by this eye ended with the board out of its sight.
+
   /// A sight of the board while the arm moved.
   void noteMotion(const calib::TimedBoard& sight);
   /// From those sights and the arm's path, how late the stamps are; once two answers agree it is taken off.

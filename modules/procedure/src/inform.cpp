@@ -133,7 +133,8 @@ std::string standingText(const std::vector<Known>& streams) {
 
 /// Drives to one view; false if it brought no observation.
 bool drive(Run& run, Eye& eye, const plan::InformativeView& view) {
-  const bool sees = eye.shouldSee(run.guard().state().bMe, run.eMo(eye));
+  run.backInSight(eye);
+  const bool sees = eye.canStart(run.guard().state().bMe, run.eMo(eye));
   // The servo needs to see the board, and a straight way.
   if ((!sees || !view.straight) && run.travelTo(view.bMe)) return false;
   return run.visit(kStage, eye, view.cdMo).observation.has_value();
@@ -147,7 +148,7 @@ double motionTimeS(Run& run) {
 /// Views of coverage for one eye, from where it sees the board.
 void coverAlone(Run& run, Eye& eye, int views) {
   Eye& color = *run.find(eye.camera(), Stream::kColor);
-  if (!eye.shouldSee(run.guard().state().bMe, run.eMo(eye)) && handOver(run, color)) return;
+  if (!eye.canStart(run.guard().state().bMe, run.eMo(eye)) && handOver(run, color)) return;
   cover(run, eye, views);
 }
 

@@ -164,6 +164,7 @@ Run::Visit Run::visit(const std::string& stage, Eye& eye, const Pose<Color, Boar
   goal_ = Goal{&eye, cdMo};
   visit.drive = servo::drive(guard(), clock(), observer, cell_.board.corners(), cdMo, estimate, options);
   eye.compareClocks(path_, eMo(eye));
+  eye.lost = visit.drive.status == DriveStatus::kTargetLost;
   const bool arrived = visit.drive.status == DriveStatus::kReached || visit.drive.status == DriveStatus::kPlateau;
   if (arrived) visit.observation = observe(stage, eye);
   if (arrived || visit.drive.status == DriveStatus::kTargetLost) eye.trials.push_back({cdMo, visit.observation.has_value()});
@@ -193,6 +194,10 @@ std::optional<std::string> Run::travelTo(const Pose<Base, EndEffector>& bMe) {
   throwIfStopped();
   if (outcome.status != DriveStatus::kReached) return outcome.reason;
   return std::nullopt;
+}
+
+void Run::backInSight(Eye& eye) {
+  if (eye.lost && eye.sighting && !travelTo(eye.sighting->robot.bMe)) eye.lost = false;
 }
 
 void Run::noteMotion(Eye& eye, const servo::Look& look) {

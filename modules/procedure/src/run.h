@@ -42,6 +42,8 @@ class Run {
   /// Brings the flange to a pose on a way round what is there, in whichever posture of the arm; a sentence if
   /// there is no way or it did not get there.
   std::optional<std::string> travelTo(const Pose<Base, EndEffector>& bMe);
+  /// Where the last drive of this eye lost the board, the arm goes back to where it saw it best.
+  void backInSight(Eye& eye);
   /// Keeps the arm's path and where the eye saw the board on it, to compare their clocks.
   void noteMotion(Eye& eye, const servo::Look& look);
   /// Lets the eyes that do not know where they stand look, at most three times a second, and note where they
