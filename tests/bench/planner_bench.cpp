@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // How many views a planner needs until the joint estimate is good enough, for three planners: by information,
-// by coverage alone, at random. Geometry and covariances only: no images, every drive arrives, corners of 0.2
-// px, the arm as good as said. What is counted is the covariance that a solve of exactly these views would
+// by coverage alone, at random. Geometry and covariances only: no images, every drive arrives, corners
+// and arm as good as said. What is counted is the covariance that a solve of exactly these views would
 // claim at the truth.
 #include <sys/resource.h>
 
@@ -335,8 +335,8 @@ int main(int argc, char** argv) {
   const CellConfig cell = cell_file.empty() ? defaultCell() : loadCell(cell_file);
 
   std::printf(
-      "%d camera(s)%s, robot %.2f mm; worst projection over the image px / worst point of the workspace mm\n",
-      cameras, infrared ? " with infrared" : "", robot_mm);
+      "%d camera(s)%s, robot %.2f mm, corners %.2f px; worst projection over the image px / worst point of the workspace mm\n",
+      cameras, infrared ? " with infrared" : "", robot_mm, corner_px);
   std::printf("%4s %-12s %8s %8s %8s | after 5, 10, 15, 20, 30, 40, 60, 80 views\n", "seed", "planner",
               "0.5&0.5", "0.35px", "travel_s");
   for (int seed = 1; seed <= seeds; ++seed) {

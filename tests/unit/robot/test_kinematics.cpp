@@ -80,6 +80,46 @@ TEST(Kinematics, BuiltInArmStandsWhereItsTableSays) {
   }
 }
 
+// Axes along, against and beside the frame's, with fixed joints at both ends; the pose as a product of Eigen's turns.
+ArmConfig axesOfAllKinds(std::vector<Eigen::Vector3d>& axes) {
+  axes = {{0, 0, 1}, {0, 1, 0}, {1, 0, 0}, {0, 0, -1}, {0, -1, 0}, {0.6, 0, 0.8}, {-0.48, 0.64, 0.6}};
+  std::string text = "<robot name='all'><link name='b'/><link name='l0'/><joint name='base' type='fixed'><parent link='b'/>"
+                     "<child link='l0'/><origin xyz='0.1 0.2 0.3' rpy='0.3 0 0'/></joint>";
+  for (std::size_t i = 0; i < axes.size(); ++i) {
+    const std::string n = std::to_string(i), m = std::to_string(i + 1);
+    text += "<link name='l" + m + "'/><joint name='j" + m + "' type='revolute'><parent link='l" + n + "'/><child link='l" + m +
+            "'/><origin xyz='0.05 -0.02 0.15' rpy='0.2 -0.4 0.7'/><axis xyz='" + std::to_string(axes[i].x()) + " " +
+            std::to_string(axes[i].y()) + " " + std::to_string(axes[i].z()) +
+            "'/><limit lower='-3' upper='3' velocity='2' effort='10'/></joint>";
+  }
+  text += "<link name='hand'/><joint name='tip' type='fixed'><parent link='l7'/><child link='hand'/>"
+          "<origin xyz='0 0.03 0.1' rpy='0 0.5 0'/></joint></robot>";
+  ArmConfig arm;
+  arm.urdf = writeUrdf("all.urdf", text).string();
+  arm.base_link = "b";
+  arm.flange_link = "hand";
+  return arm;
+}
+
+TEST(Kinematics, TurnsAboutAxesOfAnyDirection) {
+  std::vector<Eigen::Vector3d> axes;
+  const Kinematics kinematics{axesOfAllKinds(axes)};
+  const auto origin = [](double x, double y, double z, double roll, double pitch, double yaw) {
+    return Eigen::Isometry3d(Eigen::Translation3d(x, y, z) * Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()) *
+                             Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitY()) *
+                             Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitX()));
+  };
+  std::mt19937_64 random(37);
+  for (int i = 0; i < 50; ++i) {
+    const Eigen::VectorXd q = randomJoints(random, 7, 3.0);
+    Eigen::Isometry3d pose = origin(0.1, 0.2, 0.3, 0.3, 0, 0);
+    for (int k = 0; k < 7; ++k) pose = pose * origin(0.05, -0.02, 0.15, 0.2, -0.4, 0.7) * Eigen::AngleAxisd(q[k], axes[k]);
+    const Pose<Base, EndEffector> expected(pose * origin(0, 0.03, 0.1, 0, 0.5, 0));
+    EXPECT_LT(distanceM(kinematics.forward(q), expected), 1e-12);
+    EXPECT_LT(angleRad(kinematics.forward(q), expected), 1e-7);
+  }
+}
+
 void checkJacobian(const Kinematics& kinematics, unsigned seed) {
   std::mt19937_64 random(seed);
   const double h = 1e-6;
@@ -103,6 +143,8 @@ void checkJacobian(const Kinematics& kinematics, unsigned seed) {
 TEST(Kinematics, JacobianIsTheDerivativeAlongTheBaseAxes) {
   checkJacobian(Kinematics{ArmConfig{}}, 13);
   checkJacobian(Kinematics{sevenAxes()}, 17);
+  std::vector<Eigen::Vector3d> axes;
+  checkJacobian(Kinematics{axesOfAllKinds(axes)}, 19);
 }
 
 // Near the seed: the very joint angles, on the seed's turn.

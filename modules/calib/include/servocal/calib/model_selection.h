@@ -38,8 +38,9 @@ struct ModelSelection {
 };
 
 /// Adds terms to a base, one after the other: each is kept, and becomes part of what the next is compared
-/// with, if the views that were not fitted are at least twenty times as probable, and by more than the scatter of the
-/// stops lets the difference vary: no few stops decide. The probability counts corner noise, robot noise and the model's own covariance.
+/// with, if the views that were not fitted are at least twenty times as probable with it, and their log density
+/// grows by more than its standard deviation from stop to stop, so that a few stops alone do not decide. The
+/// probability counts corner noise, robot noise and the model's own covariance.
 ///
 /// Cross-validation by blocks of consecutive stops (by id): neighbors in time look alike, and one in the
 /// fitted set would tell too much about another held out. A block has its share of the stops of every stream,
